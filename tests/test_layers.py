@@ -43,7 +43,7 @@ LAYERS = {
     "motion": {"human"},
     "graph": {"motion", "robot", "human", "scene"},
     "score": {"trajectory", "motion", "robot", "human", "graph"},
-    "solve": {"trajectory", "motion", "robot", "human", "graph", "score"},
+    "solve": {"trajectory", "motion", "robot", "human", "graph", "score", "scene"},
     "balance": CORE - {"balance", "motion"},
     "papers": {"human", "graph"},
     "edit": {"trajectory", "motion", "robot", "graph", "solve"},
@@ -59,7 +59,7 @@ LAYERS = {
     "view": {"trajectory", "motion", "robot", "human", "solve", "result", "collision", "simulate", "scene"},
     "doctor": {"view"},
     "batch": {"trajectory", "motion", "robot", "graph", "solve", "pipeline", "score", "formats", "edit", "view"},
-    "live": {"actuators", "goals", "motion", "robot", "human", "servo", "collision", "simulate", "view"},
+    "live": {"actuators", "goals", "motion", "robot", "human", "servo", "collision", "simulate", "view", "scene"},
 }
 """Every folder and module below the commands, lower ones first, with its permitted imports in addition to `BASE`."""
 TOP = {"__init__", "__main__", "cli"}

@@ -228,8 +228,8 @@ class FollowOptions(BalancedOptions):
 
 
 @options
-class GraphOptions(RateOptions, MapOptions):
-    """Content of the graph of a motion on a robot."""
+class SceneOptions:
+    """The bodies around the human."""
 
     scene: Path | None = option(
         "Bodies around the human: a TOML of shapes, or an MJCF or URDF (docs/scenes.md).", "--scene", default=None
@@ -238,6 +238,27 @@ class GraphOptions(RateOptions, MapOptions):
         "Size of the bodies around the robot: `human` scales them with the human, 1 keeps their size, or a number.",
         default="human",
     )
+
+    @property
+    def scale(self) -> float | None:
+        """The size of bodies around the robot over their captured size; None for `human`.
+
+        Raises:
+            UsageError: it is neither `human` nor a positive number.
+        """
+        try:
+            scale = None if self.scene_scale == "human" else float(self.scene_scale)
+        except ValueError:
+            scale = 0.0
+        if scale is not None and not 0 < scale < float("inf"):
+            raise UsageError(f"--scene-scale takes human, 1 or another positive number, got {self.scene_scale!r}")
+        return scale
+
+
+@options
+class GraphOptions(SceneOptions, RateOptions, MapOptions):
+    """Content of the graph of a motion on a robot."""
+
     terrain: Literal["flat", "auto"] = option(
         "auto puts boxes where the human stands on steps and sits on seats; flat is a level floor.", default="flat"
     )
@@ -246,7 +267,7 @@ class GraphOptions(RateOptions, MapOptions):
         """Return the graph of a motion on a robot."""
         from robot_retarget.graph.describe import describe
 
-        scale, what = self._scale(), (motion, robot)
+        scale, what = self.scale, (motion, robot)
         return describe(
             *what,
             fps=self.fps,
@@ -256,16 +277,6 @@ class GraphOptions(RateOptions, MapOptions):
             scene_scale=scale,
             terrain=self.terrain,
         )
-
-    def _scale(self) -> float | None:
-        """Return the size of bodies around the robot over their captured size; None for `human`."""
-        try:
-            scale = None if self.scene_scale == "human" else float(self.scene_scale)
-        except ValueError:
-            scale = 0.0
-        if scale is not None and not 0 < scale < float("inf"):
-            raise UsageError(f"--scene-scale takes human, 1 or another positive number, got {self.scene_scale!r}")
-        return scale
 
 
 @options

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -10,15 +10,16 @@ import typer
 
 from robot_retarget.cli import console
 from robot_retarget.cli.command import command, option, options
-from robot_retarget.cli.options import ROBOT, FreezeOptions, LimitOptions, PrintOptions, ReadOptions, load
+from robot_retarget.cli.options import ROBOT, FreezeOptions, LimitOptions, PrintOptions, ReadOptions, SceneOptions, load
 from robot_retarget.errors import UsageError, known
 
 if TYPE_CHECKING:
     from robot_retarget.actuators.map import ServoMap
-    from robot_retarget.live.loop import Loop, Sink
+    from robot_retarget.live.loop import Loop, Sink, StreamStats
     from robot_retarget.live.receiver import FrameSource
     from robot_retarget.motion import Skeleton
     from robot_retarget.robot import Robot
+    from robot_retarget.scene import Scene
 
 commands: typer.Typer = typer.Typer()
 
@@ -63,7 +64,7 @@ class StreamOutputOptions:
 
 
 @options
-class StreamOptions(FreezeOptions, LimitOptions):
+class StreamOptions(SceneOptions, FreezeOptions, LimitOptions):
     """The robot that follows, or the motion that is sent instead."""
 
     robot: str | None = option(f"{ROBOT}.", "--robot", "-r", default=None)
@@ -92,10 +93,10 @@ def stream(how: StreamOptions, source: StreamInputOptions, place: StreamOutputOp
     if place.target not in SINKS:
         named = known(SINKS, typed=place.target)
         raise UsageError(f"--to {place.target!r} is no place for poses; {named}; with --send it is vmc://HOST:PORT")
-    model = how.of(load(how.robot, how.limits, place.servos))
-    with _opened(source) as frames:
+    model, around = how.of(load(how.robot, how.limits, place.servos)), _scene_of(how, place.target)
+    with _opened(source, around) as frames:
         seconds = float("inf") if how.seconds is None else how.seconds
-        poses = StreamRun(model, frames, how.lag, how.calibrate, seconds)
+        poses = StreamRun(model, frames, how.lag, how.calibrate, seconds, around)
         figures, code = _SHOWN[place.target](poses, place)
     if printing.json:
         console.dump(figures, side=place.target == "stdout")
@@ -113,6 +114,7 @@ class StreamRun:
     lag: int
     calibrate: Path | None
     seconds: float
+    scene: "Scene | None" = None
 
     def loop(self, sink: "Sink") -> "Loop":
         """The loop into a sink."""
@@ -124,7 +126,7 @@ class StreamRun:
         known = None if path is None or not path.exists() else load_calibration(path)
 
         def stream_of(skeleton: "Skeleton") -> Stream:
-            return Stream(self.robot, skeleton, calibration=known, lag=self.lag)
+            return Stream(self.robot, skeleton, calibration=known, lag=self.lag, scene=self.scene)
 
         return Loop(self.source, stream_of, sink, console.to_stderr)
 
@@ -136,7 +138,12 @@ class StreamRun:
         with handling(lambda number: loop.stop.set()):
             tally = loop.run(self.seconds)
         self.save_calibration(loop)
-        return tally.figures(self.source)
+        return self.figures(loop, tally)
+
+    def figures(self, loop: "Loop", tally: "StreamStats") -> dict[str, Any]:
+        """Figures of the summary, with the faults of the source and of the stream."""
+        found = tally.figures(self.source)
+        return found | {"faults": {**found["faults"], **getattr(loop.stream, "faults", {})}}
 
     def save_calibration(self, loop: "Loop") -> None:
         """Save the calibration of the performer if a file for it is given."""
@@ -149,15 +156,26 @@ class StreamRun:
 
 
 @contextmanager
-def _opened(wanted: StreamInputOptions) -> "Iterator[FrameSource]":
-    """A source, closed at the end."""
+def _opened(wanted: StreamInputOptions, around: "Scene | None") -> "Iterator[FrameSource]":
+    """A source, closed at the end; the bodies around the human of a file move as they did."""
     from robot_retarget.live.open import opened
 
-    source = opened(**vars(wanted), say=console.to_stderr)
+    source = opened(**vars(wanted), scene=around, say=console.to_stderr)
     try:
         yield source
     finally:
         source.close()
+
+
+def _scene_of(how: StreamOptions, target: str) -> "Scene | None":
+    """The bodies around the performer; a note where they are not shown."""
+    from robot_retarget.scene import read_scene
+
+    if how.scene is None:
+        return None
+    if target in ("view", "mujoco"):
+        console.note(f"--to {target} shows the robot without the bodies of {how.scene}")
+    return replace(read_scene(how.scene), scale=how.scale)
 
 
 def _to_stdout(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str, Any], int]:
@@ -214,7 +232,7 @@ def _to_servos(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str, 
     for sentence in outcome.warnings:
         console.note(sentence)
     console.to_stderr(f"{outcome.sentence}; log in {place.log}")
-    return tally.figures(poses.source) | {"servos": outcome.figures | {"ended": outcome.sentence}}, outcome.exit_code
+    return poses.figures(loop, tally) | {"servos": outcome.figures | {"ended": outcome.sentence}}, outcome.exit_code
 
 
 def _map_of(robot: "Robot", servos: str | None) -> "ServoMap":
@@ -233,13 +251,14 @@ _SHOWN = {"stdout": _to_stdout, "view": _to_page, "mujoco": _to_physics, "servos
 def _send(clip: Path, target: str, how: StreamOptions, speed: float, printing: PrintOptions) -> None:
     from threading import Event
 
+    from robot_retarget.graph.describe import among
     from robot_retarget.live.open import require_osc
 
     require_osc()
     from robot_retarget.live.send import send
     from robot_retarget.servo.interrupts import handling
 
-    motion, stop = ReadOptions().read(clip), Event()
+    motion, stop = among(ReadOptions().read(clip), how.scene), Event()
     motion = motion if how.fps is None else motion.resample(how.fps)
     console.to_stderr(f"sending {motion.fps * speed:g} frames a second to {target}")
     with handling(lambda number: stop.set()):

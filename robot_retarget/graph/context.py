@@ -41,3 +41,9 @@ class StreamFrame(RetargetContext):
     """(F, 4, 3) corners of the robot's soles at the frame before [m]."""
     seconds: float
     """Time since the frame before [s]."""
+
+    @cached_property
+    def scene(self) -> PlacedScene | None:
+        """The bodies around at this frame, placed as those of the calibration; None without a scene."""
+        known, around = self.calibration.scene, self.human.around
+        return None if known is None or around is None else known.moved(around.scene)

@@ -148,6 +148,10 @@ class Kind:
         """Return the kind for a performer that is a robot; the same by default."""
         return self
 
+    def for_stream(self) -> "Kind":
+        """Return the kind for a stream, whose later frames are unknown; the same by default."""
+        return self
+
     def bodies(self, track: Track) -> Scene | None:
         """Return the bodies around the robot at the frames of a track, where the kind knows them."""
         return None

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.graph.path import RootScaling, root_scaling_of
+from robot_retarget.graph.path import root_scaling_of
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot
@@ -37,6 +37,8 @@ class PlacedScene:
     """r, robot leg over human leg [-]."""
     origin: Floats
     """(2,) the point of the human's floor that becomes the origin [m]."""
+    lifts: Floats
+    """(B,) height of each centre over the lowest point of its body where it is lowest, in the captured size [m]."""
     _models: dict[Path, RobotAmongBodies] = field(default_factory=dict, repr=False)
 
     def __len__(self) -> int:
@@ -73,29 +75,36 @@ class PlacedScene:
         """Return the bodies at some frames."""
         return replace(self, scene=self.scene.at(frames))
 
+    def moved(self, captured: Scene) -> "PlacedScene":
+        """Return the bodies where other frames of the human's world have them."""
+        pairs = zip(self.scene.bodies, captured.bodies, strict=True)
+        bodies = tuple(replace(own, poses=self._beside(body.poses, k)) for k, (own, body) in enumerate(pairs))
+        return replace(self, scene=replace(self.scene, bodies=bodies))
+
+    def _beside(self, captured: Floats, body: int) -> Floats:
+        """Return the poses (…, 7) of a body in the robot's world from those in the human's."""
+        poses = captured.copy()
+        poses[..., :3] = self.ratio * (poses[..., :3] - [*self.origin, 0.0])
+        poses[..., 2] += (self.size - self.ratio) * self.lifts[body]
+        return poses
+
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the bodies."""
         return self.scene.names
 
 
-def placed_scene(human: HumanFeatures, match: Match, scaling: RootScaling | None = None) -> PlacedScene | None:
-    """Return the bodies around a human in the robot's world; None without a scene.
-
-    Args:
-        scaling: the map of the human's world; by default that of these frames.
-    """
+def placed_scene(human: HumanFeatures, match: Match) -> PlacedScene | None:
+    """Return the bodies around a human in the robot's world; None without a scene."""
     if human.around is None:
         return None
-    scene, known = human.around.scene, scaling or root_scaling_of(human, match)
+    scene, known = human.around.scene, root_scaling_of(human, match)
     size = known.ratio if scene.scale is None else scene.scale
-    bodies = tuple(_placed(body, known, size) for body in scene.bodies)
-    return PlacedScene(replace(scene, bodies=bodies), size, known.ratio, known.origin[:2])
+    sized = replace(scene, bodies=tuple(replace(body, shape=body.shape.scaled(size)) for body in scene.bodies))
+    lifts = np.array([_lift(body) for body in scene.bodies])
+    return PlacedScene(sized, size, known.ratio, known.origin[:2], lifts).moved(scene)
 
 
-def _placed(body: RigidBody, scaling: RootScaling, size: float) -> RigidBody:
-    poses = np.array(np.atleast_2d(body.poses))
-    lift = float((poses[:, 2] - world_corners(body, poses)[..., 2].min(axis=1)).flat[poses[:, 2].argmin()])
-    poses[:, :3] = scaling.ratio * (poses[:, :3] - [*scaling.origin[:2], 0.0])
-    poses[:, 2] += (size - scaling.ratio) * lift
-    return replace(body, shape=body.shape.scaled(size), poses=poses.reshape(body.poses.shape), mass=body.mass)
+def _lift(body: RigidBody) -> float:
+    poses = np.atleast_2d(body.poses)
+    return float((poses[:, 2] - world_corners(body, poses)[..., 2].min(axis=1)).flat[poses[:, 2].argmin()])

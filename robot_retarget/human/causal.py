@@ -3,10 +3,12 @@
 import numpy as np
 
 from robot_retarget.arrays import Floats
+from robot_retarget.human.causal_touches import CausalSurroundings
 from robot_retarget.human.contacts import CausalContacts
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.ground import DRIFT
 from robot_retarget.human.stance import WINDOW
+from robot_retarget.scene.scene import Scene
 
 LEAP = 12.0
 """A faster body was moved by the tracker, not by its legs: the leap is removed from its path [m/s]."""
@@ -19,13 +21,16 @@ class CausalFeatures:
     """Features of one performer."""
 
     known: HumanFeatures
+    around: CausalSurroundings | None
     contacts: CausalContacts
     leg: float
 
-    def __init__(self, known: HumanFeatures):
-        """Start with the features of calibration frames."""
-        match = known.calibration.match
-        self.known, self.contacts, self.leg = known, CausalContacts(match, known.positions), match.human_leg
+    def __init__(self, known: HumanFeatures, around: CausalSurroundings | None = None):
+        """Start with the features of calibration frames, and with the bodies around if there are any."""
+        match, x = known.calibration.match, known.positions
+        level = x if known.around is None else known.around.levelled(x, match)
+        self.known, self.contacts, self.leg = known, CausalContacts(match, level), match.human_leg
+        self.around = around
         self.moved: Floats = np.zeros(3)
         """Correction of every place: leaps taken back, and the drift of the floor [m]."""
         self.leaps: int = 0
@@ -35,21 +40,31 @@ class CausalFeatures:
         """Lowest height of the body in the last `WINDOW` and in the present one [m]."""
         self._since = 0.0
 
-    def step(self, positions: Floats, rotations: Floats | None, seconds: float) -> HumanFeatures:
+    def step(
+        self, positions: Floats, rotations: Floats | None, seconds: float, scene: Scene | None = None
+    ) -> HumanFeatures:
         """Return the features of the next frame.
 
         Args:
             positions: (J, 3) of the joints [m].
             rotations: (J, 4) of the joints, w x y z, or None.
             seconds: since the frame before [s].
+            scene: the bodies around with their poses of this frame. They keep the performer's place: leaps and a drift of
+                the floor are not taken back.
         """
         known, calibration = self.known, self.known.calibration
         x = calibration.keypoints(positions) + self.moved
-        x += self._leap_correction(x, seconds)
-        x[:, 2] -= self._drift(float(x[:, 2].min()), seconds)
+        near, level = None, x
+        if self.around is None or scene is None:
+            x += self._leap_correction(x, seconds)
+            x[:, 2] -= self._drift(float(x[:, 2].min()), seconds)
+        else:
+            near = self.around.step(x, positions, scene, seconds)
+            level = near.levelled(x[None], calibration.match)[0]
         segments = calibration.segments(x[None], None if rotations is None else rotations[None])
-        contacts = self.contacts.step(x, seconds)
-        return HumanFeatures(x[None], segments, contacts, _NOT, _NOT, calibration, known.fps, known.ankle_height)
+        contacts = self.contacts.step(level, seconds)
+        free = near and near.without_stances(contacts)
+        return HumanFeatures(x[None], segments, contacts, _NOT, _NOT, calibration, known.fps, known.ankle_height, free)
 
     def _leap_correction(self, x: Floats, seconds: float) -> Floats:
         """Return the shift (3,) along the floor that takes a leap of the body back [m]."""

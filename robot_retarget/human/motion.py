@@ -182,6 +182,11 @@ class Motion:
 
         return with_scene(self, scene)
 
+    def poses_at(self, frame: int) -> dict[str, Floats]:
+        """Return the poses (7,) of the moving bodies at a frame, by name: x y z [m], quaternion w x y z."""
+        bodies = () if self.scene is None else self.scene.bodies
+        return {body.name: body.poses[frame] for body in bodies if body.poses.ndim == 2}
+
     def resample(self, fps: float) -> "Motion":
         """The same motion at another frame rate, from 1 to 1000 [1/s]; see `resample.resample`.
 

@@ -46,16 +46,18 @@ def with_scene(motion: Motion, scene: Scene) -> Motion:
         _require_unit(body, poses[:, k], clip)
     moving = [(body, poses[:, k]) for k, body in enumerate(placed.bodies) if not body.fixed]
     found = [*map(_jump, scene.bodies), *(_sunk(*each) for each in moving), _inside(placed, poses, clip)]
-    around = replace(placed, notes=(*scene.notes, *filter(None, found), *_mesh_notes(placed)))
-    whole = replace(clip, scene=around, whole=None)
-    return whole if motion.whole is None else whole.frames(motion.span.start, motion.span.stop)
+    return with_bodies(motion, replace(placed, notes=(*scene.notes, *filter(None, found), *_mesh_notes(placed))))
 
 
 def rescaled(motion: Motion, scale: float) -> Motion:
     """Return a motion with a scene of another size around the robot, over the captured size [-]."""
-    clip = motion.clip
-    assert clip.scene is not None
-    whole = replace(clip, scene=replace(clip.scene, scale=scale), whole=None)
+    assert motion.clip.scene is not None
+    return with_bodies(motion, replace(motion.clip.scene, scale=scale))
+
+
+def with_bodies(motion: Motion, scene: Scene) -> Motion:
+    """Return a motion with bodies that are fixed or have a pose at every frame of its clip."""
+    whole = replace(motion.clip, scene=scene, whole=None)
     return whole if motion.whole is None else whole.frames(motion.span.start, motion.span.stop)
 
 

@@ -5,7 +5,7 @@ by centimetres. The place of a touch is the point of the surface nearest to the 
 place keeps the median of it, so that the robot's hand does not slide where the human's does not.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from robot_retarget.arrays import Bools, Floats, Ints, unit
 from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion
+from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.human.stance import StanceRule, intervals, without_flicker
 from robot_retarget.scene.geoms import SceneModel
 from robot_retarget.scene.scene import Scene
@@ -36,6 +37,9 @@ SUNK = 0.12
 FAR = 1.0
 """Bodies farther away are not looked at [m]."""
 
+COLUMNS = ("held", "distance", "places", "offsets", "normals")
+"""Arrays of touches."""
+
 
 @dataclass(frozen=True, eq=False)
 class Touches:
@@ -56,8 +60,12 @@ class Touches:
 
     def at(self, frames: slice | np.ndarray) -> "Touches":
         """Return the touches at some frames."""
-        columns = ("held", "distance", "places", "offsets", "normals")
-        return replace(self, **{name: getattr(self, name)[frames] for name in columns})
+        return replace(self, **{name: getattr(self, name)[frames] for name in COLUMNS})
+
+    def of(self, pairs: Sequence[int]) -> "Touches":
+        """Return the touches of some pairs."""
+        own = tuple(self.pairs[k] for k in pairs)
+        return replace(self, pairs=own, **{name: getattr(self, name)[:, pairs] for name in COLUMNS})
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +113,77 @@ class Surroundings:
         return level
 
 
+class TouchProbe:
+    """Where parts of a human are, measured from the bodies around it."""
+
+    scene: Scene
+    pairs: tuple[tuple[str, int], ...]
+
+    def __init__(self, match: Match, skeleton: Skeleton, scene: Scene):
+        """Compile the bodies of a scene, and find the parts of a human that can touch them."""
+        self.scene, self.match, self._model = scene, match, SceneModel(scene)
+        self._parts = [k for k in match.keypoints if k.split("_")[-1] in FLESH]
+        self._solid = [
+            b for b, body in enumerate(scene.bodies) if body.shape.kind not in (ShapeKind.PLANE, ShapeKind.HEIGHT_FIELD)
+        ]
+        self.pairs = tuple((part, b) for part in self._parts for b in self._solid)
+        below = {part: _below(skeleton, match, part) for part in self._parts if part.endswith("_hand")}
+        self._fingers = {part: joints for part, joints in below.items() if len(joints) > 1}
+        feet = tuple(f"{side}_{part}" for side in "lr" for part in ("toe", "ankle"))
+        self._feet = tuple(keypoint for keypoint in feet if keypoint in match.keypoints)
+
+    def nearness(self, keypoints: Floats, joints: Floats, poses: Floats) -> "Nearness":
+        """Measure the pairs over T frames.
+
+        Args:
+            keypoints: (T, K, 3) in the order of the match [m].
+            joints: (T, J, 3) [m].
+            poses: (T, B, 7) of the bodies.
+        """
+        leg, frames = self.match.human_leg, len(keypoints)
+        at = keypoints[:, [self.match.index(part) for part in self._parts]]
+        distance, surface = (found[:, :, self._solid] for found in self._model.nearest(at, poses, FAR))
+        flesh = leg * np.array([FLESH[part.split("_")[-1]] for part in self._parts])
+        away = distance - flesh[:, None]
+        for part, fingers in self._fingers.items():
+            least = self._model.nearest(joints[:, fingers], poses, FAR)[0].min(axis=1)
+            away[:, self._parts.index(part)] = least[:, self._solid] - FINGERS * leg
+        turn = Rotation.from_quat(poses[:, self._solid, 3:].reshape(-1, 4), scalar_first=True).as_matrix()
+        turn = turn.reshape(frames, 1, len(self._solid), 3, 3)
+        places = np.einsum("tkbji,tkbj->tkbi", turn, surface - poses[:, None, self._solid, :3])
+        offsets = np.einsum("tkbji,tkbj->tkbi", turn, at[:, :, None] - surface)
+        scalars, points = (frames, len(self.pairs)), (frames, len(self.pairs), 3)
+        return Nearness(
+            away.reshape(scalars), distance.reshape(scalars), places.reshape(points), offsets.reshape(points)
+        )
+
+    def ground(self, keypoints: Floats, poses: Floats) -> Ground:
+        """Return the surface under toes and ankles over T frames; arguments as of `nearness`."""
+        points = keypoints[:, [self.match.index(k) for k in self._feet]]
+        heights, normals, bodies = self._model.heights(points, poses, SUNK * self.match.human_leg)
+        places = np.concatenate([points[..., :2], heights[..., None]], axis=2)
+        return Ground(self._feet, places, normals, bodies)
+
+
+@dataclass(frozen=True, eq=False)
+class Nearness:
+    """How near C pairs of a part and a body are over T frames."""
+
+    away: Floats
+    """(T, C) distance beyond that of a touch [m]."""
+    distance: Floats
+    """(T, C) signed distance of the keypoint from the surface [m]."""
+    places: Floats
+    """(T, C, 3) nearest point of the surface, in the frame of the body [m]."""
+    offsets: Floats
+    """(T, C, 3) from there to the keypoint, in the frame of the body [m]."""
+
+    @property
+    def outward(self) -> Floats:
+        """(T, C, 3) vectors along the outward normals of the surface."""
+        return self.offsets * np.sign(self.distance)[..., None]
+
+
 def surroundings_of(motion: Motion, match: Match, x: Floats) -> Surroundings:
     """Return the bodies around a human, where it touches them, and the ground under its feet.
 
@@ -114,65 +193,22 @@ def surroundings_of(motion: Motion, match: Match, x: Floats) -> Surroundings:
         x: (T, K, 3) keypoints in the frame of the scene [m].
     """
     assert motion.scene is not None
-    ground, touches = _ground(motion, match, x), touches_of(motion, match, x)
-    return Surroundings(motion.scene, touches, ground)
+    probe, poses = TouchProbe(match, motion.skeleton, motion.scene), motion.scene.poses(len(motion))
+    ground, near = probe.ground(x, poses), probe.nearness(x, motion.positions, poses)
+    return Surroundings(motion.scene, _touches(probe.pairs, near, match.human_leg, motion.fps), ground)
 
 
-def _ground(motion: Motion, match: Match, x: Floats) -> Ground:
-    scene = motion.scene
-    assert scene is not None
-    feet = tuple(f"{side}_{part}" for side in "lr" for part in ("toe", "ankle") if f"{side}_{part}" in match.keypoints)
-    points = x[:, [match.index(k) for k in feet]]
-    heights, normals, bodies = SceneModel(scene).heights(points, scene.poses(len(motion)), SUNK * match.human_leg)
-    places = np.concatenate([points[..., :2], heights[..., None]], axis=2)
-    return Ground(feet, places, normals, bodies)
+def _touches(pairs: tuple[tuple[str, int], ...], near: Nearness, leg: float, fps: float) -> Touches:
+    """Return the touches of a whole motion."""
+    held = _arrived(without_flicker(near.away < 0, fps, StanceRule()), near.away, ARRIVED * leg)
+    places = _settled(near.places, held, SLIDES * leg, fps)
+    normals = unit(_settled(near.outward, held, np.inf, fps))
+    return Touches(pairs, held, near.distance, places, near.offsets, normals)
 
 
-def touches_of(motion: Motion, match: Match, keypoints: Floats) -> Touches:
-    """Find the touches of a motion with a scene.
-
-    Args:
-        keypoints: (T, K, 3) in the order of the match [m].
-    """
-    scene, leg = motion.scene, match.human_leg
-    assert scene is not None
-    poses, model = scene.poses(len(motion)), SceneModel(scene)
-    parts = [k for k in match.keypoints if k.split("_")[-1] in FLESH]
-    solid = [
-        b for b, body in enumerate(scene.bodies) if body.shape.kind not in (ShapeKind.PLANE, ShapeKind.HEIGHT_FIELD)
-    ]
-    pairs = tuple((part, b) for part in parts for b in solid)
-    at = keypoints[:, [match.index(part) for part in parts]]
-    distance, surface = model.nearest(at, poses, FAR)
-    close = np.stack(
-        [_closeness(motion, match, model, poses, part, at[:, k], leg) for k, part in enumerate(parts)], axis=1
-    )
-    away = close[:, :, solid].reshape(len(motion), -1)
-    held = _arrived(without_flicker(away < 0, motion.fps, StanceRule()), away, ARRIVED * leg)
-    turn = Rotation.from_quat(poses[:, solid, 3:].reshape(-1, 4), scalar_first=True).as_matrix()
-    turn = turn.reshape(len(motion), 1, len(solid), 3, 3)
-    local = np.einsum("tkbji,tkbj->tkbi", turn, surface[:, :, solid] - poses[:, None, solid, :3])
-    offsets = np.einsum("tkbji,tkbj->tkbi", turn, at[:, :, None] - surface[:, :, solid])
-    shape = (len(motion), len(pairs), 3)
-    places = _settled(local.reshape(shape), held, SLIDES * leg, motion.fps)
-    depth = distance[:, :, solid].reshape(shape[:2])
-    normals = _settled(offsets.reshape(shape) * np.sign(depth)[..., None], held, np.inf, motion.fps)
-    return Touches(pairs, held, depth, places, offsets.reshape(shape), unit(normals))
-
-
-def _closeness(
-    motion: Motion, match: Match, model: SceneModel, poses: Floats, part: str, at: Floats, leg: float
-) -> Floats:
-    """Return (T, B) distance of a part from the bodies, beyond that of a touch [m]."""
-    fingers = _below(motion, match, part) if part.endswith("_hand") else []
-    if len(fingers) > 1:
-        return model.nearest(motion.positions[:, fingers], poses, FAR)[0].min(axis=1) - FINGERS * leg
-    return model.nearest(at[:, None], poses, FAR)[0][:, 0] - FLESH[part.split("_")[-1]] * leg
-
-
-def _below(motion: Motion, match: Match, part: str) -> list[int]:
+def _below(skeleton: Skeleton, match: Match, part: str) -> list[int]:
     """Return the joints that a keypoint's joint carries, without it."""
-    parents, own = motion.skeleton.parents, set(match.recognition.marks[part].joints)
+    parents, own = skeleton.parents, set(match.recognition.marks[part].joints)
     carried: set[int] = set(own)
     for joint in range(len(parents)):
         if int(parents[joint]) in carried:

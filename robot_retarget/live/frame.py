@@ -1,7 +1,8 @@
 """One pose of a performer, checked on arrival."""
 
+from collections.abc import Mapping
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -32,6 +33,8 @@ class Frame:
     """(J, 3) [m]."""
     rotations: Floats | None = None
     """(J, 4) in the world frame, unit w x y z, or None."""
+    poses: Mapping[str, Floats] = field(default_factory=dict)
+    """(7,) of bodies around by name: x y z [m], quaternion w x y z; the stream checks them."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "positions", self._checked(self.positions, 3))

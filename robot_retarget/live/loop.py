@@ -2,7 +2,7 @@
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from threading import Event
 from typing import Any, Protocol
@@ -40,6 +40,11 @@ class LivePose(Protocol):
         """Time from its frame to the newest frame [s]."""
         ...
 
+    @property
+    def bodies(self) -> Mapping[str, Floats]:
+        """(7,) pose of each body of a scene beside the robot at the newest frame."""
+        ...
+
 
 def status_name(status: Any) -> str:
     """Return the name of a status in lower case."""
@@ -49,8 +54,15 @@ def status_name(status: Any) -> str:
 class PoseStream(Protocol):
     """Maps frames to poses (`rr.Stream`)."""
 
-    def push(self, positions: Floats, rotations: Floats | None = None, *, time: float) -> LivePose:
-        """Return the pose of a frame."""
+    def push(
+        self,
+        positions: Floats,
+        rotations: Floats | None = None,
+        *,
+        time: float,
+        poses: Mapping[str, Floats] | None = None,
+    ) -> LivePose:
+        """Return the pose of a frame, with the poses of bodies around by name."""
         ...
 
     def hold(self, time: float) -> LivePose:
@@ -181,7 +193,7 @@ class Loop:
             frame = self.source.newest(0.0) or frame  # building the stream takes time
         self._gap(frame)
         try:
-            pose = stream.push(frame.positions, frame.rotations, time=frame.time)
+            pose = stream.push(frame.positions, frame.rotations, time=frame.time, poses=frame.poses)
         except MatchError as error:
             self.source.faults.note(Fault.NO_HUMAN, str(error))
             self._skeleton = None  # calibrate again

@@ -15,6 +15,7 @@ from robot_retarget.live.protocols.lines import LineDecoder
 from robot_retarget.live.receiver import FrameSource, Receiver
 from robot_retarget.live.replay import Replay
 from robot_retarget.motion import Skeleton, read_motion
+from robot_retarget.scene import Scene
 
 RECEIVED = ("vmc", "json", "floats")
 SOURCES = (*RECEIVED, *HEADSETS)
@@ -30,6 +31,7 @@ def opened(
     sender: str = "",
     skeleton: Path | None = None,
     speed: float = 1.0,
+    scene: Scene | None = None,
     say: Callable[[str], None] = lambda text: None,
 ) -> FrameSource:
     """Open a source that listens, or one that plays a motion file.
@@ -42,18 +44,21 @@ def opened(
         sender: name or address of the only machine that may send; empty for any.
         skeleton: motion file with the skeleton of `floats`, and of `json` until a line defines one.
         speed: factor on the speed of a motion file.
+        scene: bodies around the human of a motion file.
         say: receives reports of faults.
 
     Raises:
         UsageError: options contradict each other, or the port cannot be used.
         MotionError: a motion file cannot be read.
+        SceneError: a body does not fit the motion file.
     """
     faults = FaultCounter(say)
     if source not in RECEIVED:
         _refuse_idle(source, port, tcp, skeleton, sender)
         if source in HEADSETS:
             return HeadsetSource(HEADSETS[source](), faults)
-        return Replay(read_motion(source), faults, speed)
+        motion = read_motion(source)
+        return Replay(motion if scene is None else motion.with_scene(scene), faults, speed)
     known = None if skeleton is None else read_motion(skeleton).skeleton
     if source == "vmc":
         from robot_retarget.live.protocols.vmc import PORT, VmcDecoder

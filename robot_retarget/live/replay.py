@@ -1,4 +1,4 @@
-"""A motion file as a real-time source."""
+"""A motion file as a real-time source; bodies around the human move as they did."""
 
 import time
 from math import floor
@@ -52,7 +52,8 @@ class Replay:
         self._next = t + 1
         made, motion = self.began + t / self._rate, self.motion
         turns = None if motion.rotations is None else motion.rotations[t]
-        return Frame(motion.skeleton, made, max(time.monotonic(), made), motion.positions[t], turns)
+        arrived = max(time.monotonic(), made)
+        return Frame(motion.skeleton, made, arrived, motion.positions[t], turns, motion.poses_at(t))
 
     def close(self) -> None:
         """Do nothing: no port is held."""

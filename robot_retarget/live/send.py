@@ -44,6 +44,8 @@ def sending(motion: Motion, target: str) -> tuple[Packets, tuple[str, int]]:
         raise UsageError(f"--to {target!r} is no target; {known(f'{name}://HOST:PORT' for name in PROTOCOLS)}")
     if port is None and parts.scheme != "vmc":
         raise UsageError(f"--to {target} needs a port")
+    if motion.scene is not None and parts.scheme != "json":
+        raise UsageError(f"{parts.scheme} carries no bodies; json:// does")
     return PROTOCOLS[parts.scheme](motion), (parts.hostname, PORT if port is None else port)
 
 
@@ -133,7 +135,7 @@ def _lines(motion: Motion) -> Packets:
         first = time - messages >= AGAIN
         messages = time if first else messages
         turns = None if motion.rotations is None else motion.rotations[t]
-        line = line_of(time, motion.positions[t], turns)
+        line = line_of(time, motion.positions[t], turns, motion.poses_at(t))
         return [skeleton, line] if first else [line]
 
     return packets

@@ -1,9 +1,9 @@
 """Performers for tests: a made motion, its frames, a port without a network, and a stream that is no solver."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from threading import Event, Thread
 from typing import Any
 
@@ -60,6 +60,7 @@ class Answer:
     time: float
     status: str
     age: float
+    bodies: Mapping[str, Floats] = field(default_factory=dict)
 
 
 class Swing:
@@ -73,7 +74,14 @@ class Swing:
         self.qpos, self.time = robot.standing(), float("-inf")
         self.pushed: list[float] = []
 
-    def push(self, positions: Floats, rotations: Floats | None = None, *, time: float) -> Answer:
+    def push(
+        self,
+        positions: Floats,
+        rotations: Floats | None = None,
+        *,
+        time: float,
+        poses: Mapping[str, Floats] | None = None,
+    ) -> Answer:
         wish = self.robot.standing()
         arms = [k for k, name in enumerate(self.robot.joint_names) if "sho" in name]
         wish[self.robot.qpos_index[arms]] += 0.5 * np.sin(3 * positions[self.hands, 2].mean())

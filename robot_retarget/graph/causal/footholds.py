@@ -4,8 +4,8 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.graph.context import RetargetContext, StreamFrame
-from robot_retarget.graph.footholds import Sole, placed_feet, sole_of
-from robot_retarget.graph.soles import HEEL, TOE, flattened
+from robot_retarget.graph.footholds import Sole, Surface, placed_feet, sole_of, surface_under
+from robot_retarget.graph.soles import HEEL, TOE, flattened, raised
 from robot_retarget.graph.track import HARD
 from robot_retarget.graph.weights import RAMP, Weights
 from robot_retarget.human.features import HumanFeatures
@@ -36,7 +36,7 @@ class CausalFootholds:
         self.places: Floats = np.zeros((len(feet), CORNERS, 3))
         self.offset, self.landed = np.zeros_like(self.places), np.zeros_like(self.places)
         self.height: Floats = np.zeros((len(feet), CORNERS))
-        """Height of corners at touchdown [m]."""
+        """Height of corners over their foothold at touchdown [m]."""
         self.strayed: float = STRAYED * context.leg
         self.since: Floats = np.full(len(feet), np.inf)
         """Time since a foot last touched down or rose [s]."""
@@ -46,13 +46,14 @@ class CausalFootholds:
         human, corners, seconds = frame.human, frame.corners, frame.seconds
         target, priority = np.empty_like(self.places), np.zeros((len(self.feet), CORNERS, 3))
         for k, sole in enumerate(self.soles):
-            carried = sole.places(human)[0]
+            surface = None if frame.scene is None else surface_under(human, frame.scene, sole.foot)
+            carried = sole.places(human)[0] + (0.0 if surface is None else surface.shift[0])
             held = self._stands(human, sole.foot) & self._still(k, carried)
             stood_before, stands = bool(self.held[k].any()), bool(held.any())
             self.since[k] = 0.0 if stood_before != stands else self.since[k] + seconds
             if stands and not (stood_before and held[self.held[k]].all()):
-                self.places[k], self.landed[k] = _come_down(corners[k], carried, held), carried
-                self.height[k] = corners[k, :, 2]
+                self.places[k], self.landed[k] = _come_down(corners[k], carried, held, surface), carried
+                self.height[k] = corners[k, :, 2] - self.places[k, :, 2]
             if stood_before and not stands:
                 self.offset[k] = corners[k] - carried
             self.held[k] = held
@@ -72,7 +73,7 @@ class CausalFootholds:
         return bool(self.since[foot] >= RAMP)
 
     def _standing(self, foot: int) -> tuple[Floats, Floats]:
-        """Return the targets of a stance while the sole moves to the floor.
+        """Return the targets of a stance while the sole moves to the ground.
 
         π rises by equal factors over `RAMP`, from the geometric mean of a swing and a stance.
         """
@@ -95,8 +96,11 @@ class CausalFootholds:
         return self.hard**share * self.weights.swing ** (1 - share)
 
 
-def _come_down(corners: Floats, carried: Floats, held: np.ndarray) -> Floats:
-    """Return a foothold (4, 3) under corners (4, 3): flat, headed as the human's foot (4, 3), held corners in place."""
+def _come_down(corners: Floats, carried: Floats, held: np.ndarray, surface: Surface | None) -> Floats:
+    """Return a foothold (4, 3) under corners (4, 3): flat, headed as the human's foot (4, 3), held corners in place.
+
+    It is on the floor, or on a surface of one frame.
+    """
     place = flattened(carried)
     place[:, :2] += (corners - place)[held, :2].mean(axis=0)
-    return place
+    return place if surface is None else raised(place, surface.places[0], surface.normals[0])

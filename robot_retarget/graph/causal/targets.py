@@ -8,6 +8,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.graph.context import RetargetContext, StreamFrame
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.kind import Kind
+from robot_retarget.graph.placed_scene import PlacedScene
 from robot_retarget.graph.track import columns_of, ordered
 from robot_retarget.human.features import HumanFeatures
 
@@ -18,12 +19,15 @@ class CausalTargets:
     lower: Floats
     upper: Floats
     priority: Floats
+    scene: PlacedScene | None
+    """The bodies beside the robot at the latest frame."""
 
     def __init__(self, graph: RobotGraph):
         tracks = ordered(graph.tracks)
         sides = zip(*((*track.intervals, track.priority) for track in tracks), strict=True)
         self.lower, self.upper, self.priority = (np.concatenate([each[0] for each in side]) for side in sides)
         self.context = RetargetContext(graph.human, graph.match, graph.robot, graph.weights)
+        self.scene = self.context.scene
         columns = columns_of(tracks)
         self.following: list[tuple[Kind, slice, dict[str, Any]]] = [
             (t.kind, columns[t.name], {}) for t in tracks if t.kind.follows_human
@@ -37,6 +41,7 @@ class CausalTargets:
         """
         own = self.context
         frame = StreamFrame(human, own.match, own.robot, own.weights, own, corners, seconds)
+        self.scene = frame.scene
         for kind, edges, memory in self.following:
             found = kind.step(frame, memory)
             if found is not None:

@@ -44,7 +44,7 @@ KINDS: tuple[Kind, ...] = (
     SpeedKind(),
 )
 """The kinds of whole clips that ship."""
-STREAM_KINDS: tuple[Kind, ...] = (*(kind for kind in KINDS if kind.stencil[-1] <= 0), InertiaKind())
+STREAM_KINDS: tuple[Kind, ...] = (*(kind.for_stream() for kind in KINDS if kind.stencil[-1] <= 0), InertiaKind())
 """The kinds of streams that ship."""
 
 

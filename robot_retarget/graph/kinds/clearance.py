@@ -5,11 +5,22 @@ each body and the world, whose lower bounds are the pose of the body at each fra
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from robot_retarget.arrays import Bools, Floats, Ints, lengths
-from robot_retarget.graph.kind import Form, Kind, MeasureRows, RetargetContext, Role, RowState, Track
+from robot_retarget.graph.kind import (
+    Form,
+    FrameTargets,
+    Kind,
+    MeasureRows,
+    RetargetContext,
+    Role,
+    RowState,
+    StreamFrame,
+    Track,
+)
 from robot_retarget.graph.placed_scene import PlacedScene
 from robot_retarget.graph.weights import RAMP
 from robot_retarget.human.touches import Surroundings
@@ -37,16 +48,30 @@ class ClearanceKind(Kind):
         scene, around = context.scene, context.human.around
         if scene is None or around is None:
             return None
-        frames, links = len(context.human), list(solid_geoms(context.robot))
-        names = [context.robot.model.body(link).name for link in links]
-        touching = touching_links(context, around)
-        margin = np.where(touching[:, :, links], 0.0, self.margin * context.leg).reshape(frames, -1)
-        poses = scene.poses(frames).reshape(frames, -1)
-        ends = [(link, body) for body in scene.names for link in names] + pose_ends(scene)
-        lower = np.hstack([margin, poses])
-        axes = ("",) * margin.shape[1] + POSE * len(scene)
+        touching = _widened(touching_links(context, around), round(RAMP * context.human.fps))
+        lower = self._lower(context, scene, touching)
+        links = [context.robot.model.body(link).name for link in solid_geoms(context.robot)]
+        ends = [(link, body) for body in scene.names for link in links] + pose_ends(scene)
+        axes = ("",) * (len(links) * len(scene)) + POSE * len(scene)
         kind, infinite = replace(self, scene=scene), np.full(lower.shape, np.inf)
         return Track(kind, tuple(ends), lower, infinite, infinite, np.ones(len(ends)), axes)
+
+    def _lower(self, context: RetargetContext, scene: PlacedScene, touching: Bools) -> Floats:
+        """Return (T, E) lower bounds: margins of links and bodies, 0 where they touch (T, B, links), and poses."""
+        links, frames = list(solid_geoms(context.robot)), len(touching)
+        margin = np.where(touching[:, :, links], 0.0, self.margin * context.leg).reshape(frames, -1)
+        return np.hstack([margin, scene.poses(frames).reshape(frames, -1)])
+
+    def step(self, context: StreamFrame, memory: dict[str, Any]) -> FrameTargets | None:
+        """Return the same; what touched may stay at the surface for the fall time of a touch."""
+        scene, around = context.scene, context.human.around
+        if scene is None or around is None:
+            return None
+        left = memory.get("left", 0.0) - context.seconds
+        memory["left"] = np.where(touching_links(context, around), RAMP, left)
+        lower = self._lower(context, scene, memory["left"] > 0)[0]
+        infinite = np.full(lower.shape, np.inf)
+        return lower, infinite, infinite
 
     def bodies(self, track: Track) -> Scene | None:
         """Return the bodies with their poses at the frames of the track."""
@@ -99,7 +124,7 @@ def touching_links(context: RetargetContext, around: Surroundings) -> Bools:
         on = around.ground.bodies[:, [k for k, name in enumerate(around.ground.keypoints) if name[0] == foot]]
         for body in range(len(around.scene)):
             found[:, body, weld[sole.bodies[0]]] |= (on == body).any(axis=1)
-    return _widened(found, round(RAMP * context.human.fps))
+    return found
 
 
 def links_of(part: str, robot: Robot, anatomy: Anatomy) -> Ints:

@@ -8,16 +8,28 @@ touches the side of the body that the human touches. The distance is exact while
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from robot_retarget.arrays import Floats, unit
-from robot_retarget.graph.kind import AXES, Form, Kind, MeasureRows, RetargetContext, RowState, Track
+from robot_retarget.graph.kind import (
+    AXES,
+    Form,
+    FrameTargets,
+    Kind,
+    MeasureRows,
+    RetargetContext,
+    RowState,
+    StreamFrame,
+    Track,
+)
 from robot_retarget.graph.kinds.clearance import POSE, links_of, pose_ends, poses_of
 from robot_retarget.graph.placed_scene import PlacedScene
 from robot_retarget.graph.track import HARD
 from robot_retarget.graph.weights import RAMP
+from robot_retarget.human.touches import Touches
 
 NORMAL = ("nx", "ny", "nz")
 OWN = 1 + len(AXES) + len(NORMAL)
@@ -37,6 +49,8 @@ class ContactKind(Kind):
     whole = True
     along: float = 400.0
     """π along the surface, over the squared leg [-]: below that of the distance, because no arm reaches every place."""
+    every: bool = False
+    """Whether pairs have edges that never touch in the motion as well: a stream does not know which will."""
     pairs: tuple[tuple[str, int], ...] = ()
     scene: PlacedScene | None = None
 
@@ -45,26 +59,43 @@ class ContactKind(Kind):
         scene, around = context.scene, context.human.around
         if scene is None or around is None:
             return None
-        touched = [k for k, _ in enumerate(around.touches.pairs) if around.touches.held[:, k].any()]
-        if not touched:
+        pairs = [k for k in range(len(around.touches.pairs)) if self.every or around.touches.held[:, k].any()]
+        if not pairs:
             return None
-        pairs = tuple(around.touches.pairs[k] for k in touched)
-        frames, poses = len(context.human), scene.poses(len(context.human))
+        strength = _gradual(around.touches.held[:, pairs], round(RAMP * context.human.fps))
+        kind = replace(self, pairs=tuple(around.touches.pairs[k] for k in pairs), scene=scene)
+        lower, priority = kind.sides(scene, around.touches.of(pairs), strength)
+        ends = [(part, scene.names[body]) for part, body in kind.pairs for _ in range(OWN)] + pose_ends(scene)
+        axes = ("", *AXES, *NORMAL) * len(pairs) + POSE * len(scene)
+        return Track(kind, tuple(ends), lower, lower, priority, np.full(len(ends), context.leg), axes)
+
+    def sides(self, scene: PlacedScene, touches: Touches, strength: Floats) -> tuple[Floats, Floats]:
+        """Return the targets and π (T, E) of touches with a strength (T, C) from 0 to 1."""
+        frames, pairs, poses = len(strength), touches.pairs, scene.poses(len(strength))
         bodies = np.array([body for _, body in pairs])
-        places = scene.points(bodies, around.touches.places[:, touched], poses)
-        normals = scene.directions(bodies, around.touches.normals[:, touched], poses)
-        strength = _gradual(around.touches.held[:, touched], round(RAMP * context.human.fps))
+        places = scene.points(bodies, touches.places, poses)
+        normals = scene.directions(bodies, touches.normals, poses)
         target = np.concatenate([np.zeros((frames, len(pairs), 1)), places, normals], axis=2).reshape(frames, -1)
         # a seat that is too high for the robot's hips would lift hard feet
         exact = [[self.along if part == "pelvis" else HARD] for part, _ in pairs]
         weights = np.hstack([exact, np.full((len(pairs), len(AXES)), self.along), np.zeros((len(pairs), len(NORMAL)))])
         priority = (strength[..., None] ** STEEP * weights).reshape(frames, -1)
-        lower = np.hstack([target, poses.reshape(frames, -1)])
-        ends = [(part, scene.names[body]) for part, body in pairs for _ in range(OWN)] + pose_ends(scene)
-        axes = ("", *AXES, *NORMAL) * len(pairs) + POSE * len(scene)
-        priority = np.hstack([priority, np.zeros((frames, 7 * len(scene)))])
-        kind = replace(self, pairs=pairs, scene=scene)
-        return Track(kind, tuple(ends), lower, lower, priority, np.full(len(ends), context.leg), axes)
+        still = np.zeros((frames, len(POSE) * len(scene)))
+        return np.hstack([target, poses.reshape(frames, -1)]), np.hstack([priority, still])
+
+    def step(self, context: StreamFrame, memory: dict[str, Any]) -> FrameTargets | None:
+        """Return the same; the strength changes no faster than over the rise time."""
+        scene, around = context.scene, context.human.around
+        if scene is None or around is None:
+            return None
+        reach, last = context.seconds / RAMP, memory.get("strength", 0.0)
+        memory["strength"] = np.clip(around.touches.held.astype(float), last - reach, last + reach)
+        lower, priority = self.sides(scene, around.touches, memory["strength"])
+        return lower[0], lower[0], priority[0]
+
+    def for_stream(self) -> "ContactKind":
+        """Return the kind with edges of all pairs."""
+        return replace(self, every=True)
 
     def rows(self, track: Track, state: RowState) -> MeasureRows | None:
         """Return distance and place of the parts that touch at the frame."""

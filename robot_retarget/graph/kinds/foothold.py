@@ -45,11 +45,9 @@ class FootholdKind(Kind):
 
     def targets(self, context: RetargetContext) -> Track | None:
         """Footholds read off the human."""
-        kind, across = self, self.across(context)
-        if context.scene is not None:  # a step has one place for a foot
-            kind, across = replace(self, frees=False), min(across, self.on_bodies)
+        kind = self if context.scene is None else replace(self, frees=False)  # a step has one place for a foot
         footholds = footholds_of(context.human, context.match, context.robot)
-        return kind.track(footholds, context.leg, context.weights, across) if footholds.feet else None
+        return kind.track(footholds, context.leg, context.weights, self.across(context)) if footholds.feet else None
 
     def track(self, footholds: Footholds, leg: float, weights: Weights, across: float = HARD) -> Track:
         """Return edges to given footholds.
@@ -153,7 +151,8 @@ class FootholdKind(Kind):
         sites, soles = context.match.anatomy.sites, context.match.anatomy.soles
         pelvis = moves[sites["pelvis"].body] if "pelvis" in sites else moves[context.robot.root_body]
         hinges = [int((moves[sole.bodies[0]] & ~pelvis).sum()) for sole in soles.values()]
-        return HARD if min(hinges, default=6) >= 6 else self.tilting
+        laid = HARD if min(hinges, default=6) >= 6 else self.tilting
+        return laid if context.scene is None else min(laid, self.on_bodies)
 
 
 def _places(held: np.ndarray, corners: Floats, fixed: int, planes: Sequence[Surface | None]) -> Floats:

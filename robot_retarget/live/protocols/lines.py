@@ -1,13 +1,14 @@
 """Frames as lines of JSON.
 
     {"skeleton": {"names": ["hips", …], "parents": [-1, 0, …], "offsets": [[x, y, z], …]}}
-    {"time": 12.345, "positions": [[x, y, z], …], "rotations": [[w, x, y, z], …]}
+    {"time": 12.345, "positions": [[x, y, z], …], "rotations": [[w, x, y, z], …], "bodies": {"box": [x, y, z, w, x, y, z]}}
 
-Metres, z up, rotations in the world frame. `offsets`, `time` and `rotations` may be left out; a skeleton may come again
+Metres, z up, rotations in the world frame. `offsets`, `time`, `rotations` and `bodies` may be left out; a skeleton may come again
 at any time, and must where the receiver may have missed it. A datagram holds whole lines.
 """
 
 import json
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -31,10 +32,13 @@ def skeleton_line(skeleton: Skeleton) -> bytes:
     return _line({"skeleton": {"names": names, "parents": parents, "offsets": offsets}})
 
 
-def line_of(time: float, positions: Floats, rotations: Floats | None = None) -> bytes:
-    """The line of a frame; positions (J, 3) [m], rotations (J, 4)."""
+def line_of(
+    time: float, positions: Floats, rotations: Floats | None = None, poses: Mapping[str, Floats] | None = None
+) -> bytes:
+    """The line of a frame; positions (J, 3) [m], rotations (J, 4), poses (7,) of bodies by name."""
     frame = {"time": round(time, 6), "positions": np.round(positions, 5).tolist()}
-    return _line(frame if rotations is None else {**frame, "rotations": np.round(rotations, 6).tolist()})
+    frame |= {} if rotations is None else {"rotations": np.round(rotations, 6).tolist()}
+    return _line(frame | ({"bodies": {name: np.round(p, 6).tolist() for name, p in poses.items()}} if poses else {}))
 
 
 def _line(message: dict[str, Any]) -> bytes:
@@ -94,7 +98,10 @@ class LineDecoder:
             raise RefusedError(Fault.MALFORMED, f"time {stamp!r}")
         if stamp is not None and not np.isfinite(stamp):
             raise RefusedError(Fault.NOT_FINITE, "time")
-        frame = Frame(self.skeleton, arrived, arrived, message["positions"], message.get("rotations"))
+        bodies = message.get("bodies", {})
+        if not isinstance(bodies, dict):
+            raise RefusedError(Fault.MALFORMED, "bodies is not an object of poses by name")
+        frame = Frame(self.skeleton, arrived, arrived, message["positions"], message.get("rotations"), bodies)
         return frame.at(self.clock.time(stamp, arrived))
 
 

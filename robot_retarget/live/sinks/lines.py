@@ -1,4 +1,4 @@
-"""Poses as lines of JSON: time [s], qpos, status and age [s]."""
+"""Poses as lines of JSON: time [s], qpos, status, age [s] and, with a scene, the poses of its bodies beside the robot."""
 
 import json
 from typing import IO
@@ -14,5 +14,7 @@ class LineSink:
 
     def show(self, pose: LivePose) -> None:
         row = {"time": round(pose.time, 6), "qpos": pose.qpos.round(6).tolist()}
-        self._out.write(json.dumps(row | {"status": status_name(pose.status), "age": round(pose.age, 4)}) + "\n")
+        row |= {"status": status_name(pose.status), "age": round(pose.age, 4)}
+        row |= {"bodies": {name: p.round(6).tolist() for name, p in pose.bodies.items()}} if pose.bodies else {}
+        self._out.write(json.dumps(row) + "\n")
         self._out.flush()

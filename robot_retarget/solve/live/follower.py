@@ -1,7 +1,7 @@
 """One calibrated performer and robot: derives the targets of each frame, solves them and returns the pose."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import casadi as ca
 import numpy as np
@@ -13,10 +13,12 @@ from robot_retarget.graph.footholds import placed_feet
 from robot_retarget.graph.path import RootScaling, root_scaling_of
 from robot_retarget.graph.status import Status
 from robot_retarget.human.causal import CausalFeatures
+from robot_retarget.human.causal_touches import CausalSurroundings
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.robot import Points, Robot
 from robot_retarget.robot.feet import CORNERS, sole_corners
 from robot_retarget.robot.kinematics import Bodies
+from robot_retarget.scene.scene import Scene
 from robot_retarget.solve.candidates import with_root
 from robot_retarget.solve.compiled import Compiled
 from robot_retarget.solve.live.lag import FixedLag, SolvedFrame
@@ -40,6 +42,22 @@ class StreamPose:
     status: Status
     age: float = 0.0
     """Delay of the frame that the pose follows [s]."""
+    bodies: Mapping[str, Floats] = field(default_factory=dict)
+    """(7,) pose of each body of the scene beside the robot at the newest frame: x y z [m], quaternion w x y z."""
+
+
+@dataclass(frozen=True, eq=False)
+class StreamInput:
+    """A frame of a performer."""
+
+    positions: Floats
+    """(J, 3) [m]."""
+    rotations: Floats | None
+    """(J, 4) w x y z."""
+    time: float
+    """[s]."""
+    scene: Scene | None = None
+    """The bodies around with their poses of this frame."""
 
 
 class Follower:
@@ -51,7 +69,11 @@ class Follower:
     def __init__(self, graph: RobotGraph, options: RealTime, lag: int, native: bool):
         match = graph.match
         self.graph, self.all_targets = graph, CausalTargets(graph)
-        self.human: CausalFeatures = CausalFeatures(graph.human)
+        around = graph.human.around
+        self.human: CausalFeatures = CausalFeatures(
+            graph.human,
+            None if around is None else CausalSurroundings(match, graph.motion.skeleton, around.scene),
+        )
         self.root_scaling: RootScaling = root_scaling_of(graph.human, match)
         self.problem: Problem = build_problem(graph.robot, match, graph.tracks, native=native, lag=lag)
         frames = FrameSolver(self.problem)
@@ -63,19 +85,22 @@ class Follower:
         self.targets: EdgeTargets | None = None
         self.latest: HumanFeatures | None = None
 
-    def begin(self, positions: Floats, rotations: Floats | None, time: float, standing: bool) -> StreamPose:
+    def begin(self, frame: StreamInput, standing: bool) -> StreamPose:
         """Return the first pose: the performer's, or the standing pose, which then eases into the motion."""
-        human = self.human.step(positions, rotations, FIRST)
+        human = self._read(frame, FIRST)
         start = self._standing(human)
-        self.targets, self.latest = self._targets_at(human, start, FIRST), human
+        self.targets = self._targets_at(human, start, FIRST)
         pose = self.solver.stand(start, self.targets) if standing else self.solver.begin(start, self.targets)
-        return self._given(pose, time, FIRST)
+        return self._given(pose, frame.time, FIRST)
 
-    def follow(self, positions: Floats, rotations: Floats | None, time: float, since: float) -> StreamPose:
+    def follow(self, frame: StreamInput, since: float) -> StreamPose:
         """Return the pose for a frame, `since` seconds after the one before."""
-        self.latest = self.human.step(positions, rotations, since)
-        self.targets = self._targets_at(self.latest, self.solver.qpos, since)
-        return self._given(self._stepped(since), time, since)
+        self.targets = self._targets_at(self._read(frame, since), self.solver.qpos, since)
+        return self._given(self._stepped(since), frame.time, since)
+
+    def _read(self, frame: StreamInput, since: float) -> HumanFeatures:
+        self.latest = self.human.step(frame.positions, frame.rotations, since, frame.scene)
+        return self.latest
 
     def rest(self, time: float, since: float) -> StreamPose:
         """Return the pose at a time without a new frame; the targets stay."""
@@ -94,10 +119,15 @@ class Follower:
 
     def _given(self, pose: FrameSolution, time: float, since: float) -> StreamPose:
         """Return the pose of the stream, smoothed if there is a lag."""
-        if self.lag is None or self.targets is None:
-            return StreamPose(pose.qpos, time, pose.status)
-        late, answered = self.lag.smoothed(SolvedFrame(pose, self.targets, time, since))
-        return StreamPose(late.qpos, time, late.status, time - answered)
+        late, answered = pose, time
+        if self.lag is not None and self.targets is not None:
+            late, answered = self.lag.smoothed(SolvedFrame(pose, self.targets, time, since))
+        return StreamPose(late.qpos, time, late.status, time - answered, self._bodies())
+
+    def _bodies(self) -> Mapping[str, Floats]:
+        """Return the poses of the bodies beside the robot at the newest frame."""
+        scene = self.all_targets.scene
+        return {} if scene is None else dict(zip(scene.names, scene.poses(1)[0], strict=True))
 
     def _targets_at(self, human: HumanFeatures, qpos: Floats, seconds: float) -> EdgeTargets:
         targets = self.all_targets.at(human, self.corners(qpos)[0].reshape(-1, CORNERS, 3), seconds)

@@ -1,6 +1,8 @@
 """A live stream: takes a frame of the human, returns a configuration within a millisecond."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from itertools import repeat
 from pathlib import Path
 from typing import Any
@@ -9,15 +11,17 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import UsageError
-from robot_retarget.graph.describe import describe
+from robot_retarget.graph.describe import among, describe
 from robot_retarget.graph.kind import Kind
 from robot_retarget.graph.kinds import stream_kinds
 from robot_retarget.graph.status import Status
 from robot_retarget.graph.weights import Weights
+from robot_retarget.human.live_scene import LiveScene
 from robot_retarget.motion import Motion, Skeleton, as_motion
 from robot_retarget.robot import Robot, as_robot
+from robot_retarget.scene import Scene, read_scene
 from robot_retarget.solve.honoured import require_kinds
-from robot_retarget.solve.live.follower import Follower, StreamPose
+from robot_retarget.solve.live.follower import Follower, StreamInput, StreamPose
 from robot_retarget.solve.options import RealTime
 
 CALIBRATED = 1.0
@@ -52,6 +56,8 @@ class Stream:
         weights: Weights | None = None,
         kinds: Iterable[Kind] | None = None,
         native: bool = True,
+        scene: Scene | str | Path | None = None,
+        scene_scale: float | None = None,
     ):
         """Set up the stream for a robot and the performer's joints.
 
@@ -61,9 +67,13 @@ class Stream:
             lag: number of frames by which a pose is delayed; a larger lag is smoother.
             kinds: the kinds of edges; None takes `stream_kinds` (`graph.kinds`).
             native: use machine code as soon as it is ready.
+            scene: the bodies around the performer, or a file that `read_scene` reads; None takes those of the calibration, if
+                any. Each has its first pose until a frame brings another, or the pose of the joint that carries it.
+            scene_scale: size of the bodies beside the robot over their captured size [-]; None scales them with the human.
 
         Raises:
             MatchError: the calibration shows no human, or the robot is no humanoid.
+            SceneError: the scene cannot be read, or does not fit the performer.
             GraphError: a kind has a role, form and stencil that a stream cannot honour.
             UsageError: the calibration has another skeleton, or the lag is negative.
         """
@@ -74,10 +84,17 @@ class Stream:
         self.weights, self.native = weights, native
         self.kinds = stream_kinds(lag) if kinds is None else tuple(kinds)
         require_kinds(self.kinds, lag)
-        self.faults: dict[str, int] = {}
-        """Number of frames that were not followed, by kind of fault."""
+        self.faults: Counter[str] = Counter()
+        """Number of frames, and of poses of bodies, that were not followed, by kind of fault."""
         self.performer: Follower | None = None
-        self._watched: list[tuple[Floats, Floats | None, float]] = []
+        self.around: LiveScene | None = None
+        """The bodies around the performer."""
+        scene = calibration.scene if scene is None and calibration is not None else scene
+        if scene is not None:
+            read = scene if isinstance(scene, Scene) else read_scene(scene)
+            sized = read if scene_scale is None else replace(read, scale=scene_scale)
+            self.around = LiveScene(sized, skeleton, self.faults)
+        self._watched: list[tuple[StreamInput, Floats | None]] = []
         self._last: StreamPose | None = None
         if calibration is not None:
             if calibration.skeleton.names != skeleton.names:
@@ -97,13 +114,21 @@ class Stream:
         if self.performer is not None:
             self.performer.problem.wait()
 
-    def push(self, positions: Floats, rotations: Floats | None = None, *, time: float) -> StreamPose:
+    def push(
+        self,
+        positions: Floats,
+        rotations: Floats | None = None,
+        *,
+        time: float,
+        poses: Mapping[str, Floats] | None = None,
+    ) -> StreamPose:
         """Return the configuration for a frame.
 
         Args:
             positions: (J, 3) positions of the joints, z up [m].
             rotations: (J, 4) world rotations of the joints, w x y z; None if they are unknown.
             time: time of the frame on the source's clock [s].
+            poses: (7,) by the names of bodies of the scene: x y z [m], quaternion w x y z. Others keep theirs.
 
         Raises:
             UsageError: the shapes do not match the skeleton.
@@ -111,19 +136,23 @@ class Stream:
         """
         fault = self._fault(positions, rotations, time)
         if fault:
-            self.faults[fault] = self.faults.get(fault, 0) + 1
+            self.faults[fault] += 1
             return self._standing(time) if self._last is None else self._last
+        bodies = None if self.around is None else self.around.step(poses or {}, positions, rotations)
+        around = None if self.around is None or bodies is None else self.around.scene(bodies[None])
+        frame = StreamInput(positions, rotations, time, around)
         if self.performer is None:
-            self._watched.append((np.array(positions), None if rotations is None else np.array(rotations), time))
-            first = self._watched[0][2]
+            turns = None if rotations is None else np.array(rotations)
+            self._watched.append((replace(frame, positions=np.array(positions), rotations=turns), bodies))
+            first = self._watched[0][0].time
             if time - first < CALIBRATED or len(self._watched) < LEAST:
                 return self._standing(time)
-            watched, self._watched = self._watched, []  # where they show no human, another second is watched
-            self.performer = self._calibrated(_motion_of(self.skeleton, watched))
+            watched, self._watched = self._watched_motion(), []  # where it shows no human, another second is watched
+            self.performer = self._calibrated(watched)
         if self.performer.targets is None or self._last is None:
-            self._last = self.performer.begin(positions, rotations, time, standing=self._last is not None)
+            self._last = self.performer.begin(frame, standing=self._last is not None)
         else:
-            self._last = self.performer.follow(positions, rotations, time, time - self._last.time)
+            self._last = self.performer.follow(frame, time - self._last.time)
         return self._last
 
     def hold(self, time: float) -> StreamPose:
@@ -136,8 +165,20 @@ class Stream:
         return self._last
 
     def _calibrated(self, motion: Motion) -> "Follower":
+        motion = motion if self.around is None else self.around.around(motion)
         graph = describe(motion, self.robot, fps=motion.fps, weights=self.weights, kinds=self.kinds)
         return Follower(graph, self.options, self.lag, self.native)
+
+    def _watched_motion(self) -> Motion:
+        """Return the watched frames as a motion at their mean rate."""
+        frames = [frame for frame, _ in self._watched]
+        positions = np.array([frame.positions for frame in frames])
+        turns = [frame.rotations for frame in frames]
+        rotations = None if any(turn is None for turn in turns) else np.array(turns)
+        motion = Motion(self.skeleton, positions, rotations, fps=(len(frames) - 1) / (frames[-1].time - frames[0].time))
+        if self.around is None:
+            return motion
+        return replace(motion, scene=self.around.scene(np.array([bodies for _, bodies in self._watched])))
 
     def _standing(self, time: float) -> StreamPose:
         self._last = StreamPose(self.robot.standing(), time, Status.CALIBRATING)
@@ -158,17 +199,9 @@ class Stream:
         return None
 
 
-def _motion_of(skeleton: Skeleton, watched: Sequence[tuple[Floats, Floats | None, float]]) -> Motion:
-    """Return frames as a motion at their mean rate."""
-    positions = np.array([frame[0] for frame in watched])
-    turned = all(frame[1] is not None for frame in watched)
-    rotations = np.array([frame[1] for frame in watched]) if turned else None
-    return Motion(skeleton, positions, rotations, fps=(len(watched) - 1) / (watched[-1][2] - watched[0][2]))
-
-
 def stream(
     robot: Robot | str | Path,
-    frames: Motion | str | Path | Iterable[tuple[Floats, Floats | None, float]],
+    frames: Motion | str | Path | Iterable[tuple[Any, ...]],
     skeleton: Skeleton | None = None,
     **options: Any,
 ) -> Iterator[Floats]:
@@ -177,25 +210,27 @@ def stream(
     Args:
         robot: a robot, or a name or model file that `load_robot` loads.
         frames: a motion or its file, which is also its calibration and is followed at its own rate; or positions (J, 3) [m],
-            rotations (J, 4) or None, and time [s] of a skeleton's joints.
-        options: those of `Stream`.
+            rotations (J, 4) or None, time [s] of a skeleton's joints and, if bodies move, their poses by name.
+        options: those of `Stream`. Bodies of a scene around a motion move as the scene states.
 
     Raises:
         UsageError: frames come without a skeleton.
         MatchError: the frames show no human.
+        SceneError: a body does not fit the motion.
     """
     if isinstance(frames, Motion | str | Path):
-        frames = as_motion(frames)
-        options.setdefault("calibration", frames)
-        skeleton, frames = frames.skeleton, _frames_of(frames)
+        motion = among(as_motion(frames), options.pop("scene", None), options.pop("scene_scale", None))
+        options.setdefault("calibration", motion)
+        options["scene"] = motion.scene
+        skeleton, frames = motion.skeleton, _frames_of(motion)
     if skeleton is None:
         raise UsageError("frames alone do not say whose joints they are: give the skeleton too")
     live = Stream(robot, skeleton, **options)
-    for positions, rotations, time in frames:
-        yield live.push(positions, rotations, time=time).qpos
+    for positions, rotations, time, *poses in frames:
+        yield live.push(positions, rotations, time=time, poses=poses[0] if poses else None).qpos
 
 
-def _frames_of(motion: Motion) -> Iterator[tuple[Floats, Floats | None, float]]:
+def _frames_of(motion: Motion) -> Iterator[tuple[Floats, Floats | None, float, Mapping[str, Floats]]]:
     turns: Iterable[Floats | None] = motion.rotations if motion.rotations is not None else repeat(None)
     for t, (positions, rotations) in enumerate(zip(motion.positions, turns, strict=False)):
-        yield positions, rotations, t / motion.fps
+        yield positions, rotations, t / motion.fps, motion.poses_at(t)
