@@ -36,7 +36,7 @@ class LiveScene:
         for body in scene.bodies:
             if body.carrier and body.carrier not in skeleton.names:
                 raise SceneError(
-                    f"body {body.name!r}: no joint {body.carrier!r}; {known(skeleton.names, typed=body.carrier)}"
+                    f"{body.title}: no joint {body.carrier!r}; {known(skeleton.names, typed=body.carrier)}"
                 )
         self._scene, self._faults = scene, faults
         first = [IDENTITY if body.carrier else np.atleast_2d(body.poses)[0] for body in scene.bodies]

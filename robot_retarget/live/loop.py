@@ -42,7 +42,7 @@ class LivePose(Protocol):
 
     @property
     def bodies(self) -> Mapping[str, Floats]:
-        """(7,) pose of each body of a scene beside the robot at the newest frame."""
+        """(7,) pose of each body of a scene around the robot at the newest frame."""
         ...
 
 

@@ -20,7 +20,7 @@ class CausalTargets:
     upper: Floats
     priority: Floats
     scene: PlacedScene | None
-    """The bodies beside the robot at the latest frame."""
+    """The bodies around the robot at the latest frame."""
 
     def __init__(self, graph: RobotGraph):
         tracks = ordered(graph.tracks)

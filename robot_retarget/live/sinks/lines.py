@@ -1,4 +1,4 @@
-"""Poses as lines of JSON: time [s], qpos, status, age [s] and, with a scene, the poses of its bodies beside the robot."""
+"""Poses as lines of JSON: time [s], qpos, status, age [s] and, with a scene, the poses of its bodies around the robot."""
 
 import json
 from typing import IO

@@ -43,7 +43,7 @@ class StreamPose:
     age: float = 0.0
     """Delay of the frame that the pose follows [s]."""
     bodies: Mapping[str, Floats] = field(default_factory=dict)
-    """(7,) pose of each body of the scene beside the robot at the newest frame: x y z [m], quaternion w x y z."""
+    """(7,) pose of each body of the scene around the robot at the newest frame: x y z [m], quaternion w x y z."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +125,7 @@ class Follower:
         return StreamPose(late.qpos, time, late.status, time - answered, self._bodies())
 
     def _bodies(self) -> Mapping[str, Floats]:
-        """Return the poses of the bodies beside the robot at the newest frame."""
+        """Return the poses of the bodies around the robot at the newest frame."""
         scene = self.all_targets.scene
         return {} if scene is None else dict(zip(scene.names, scene.poses(1)[0], strict=True))
 

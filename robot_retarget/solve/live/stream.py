@@ -69,7 +69,7 @@ class Stream:
             native: use machine code as soon as it is ready.
             scene: the bodies around the performer, or a file that `read_scene` reads; None takes those of the calibration, if
                 any. Each has its first pose until a frame brings another, or the pose of the joint that carries it.
-            scene_scale: size of the bodies beside the robot over their captured size [-]; None scales them with the human.
+            scene_scale: size of the bodies around the robot over their captured size [-]; None scales them with the human.
 
         Raises:
             MatchError: the calibration shows no human, or the robot is no humanoid.
