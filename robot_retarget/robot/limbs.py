@@ -38,7 +38,7 @@ class Chain:
     links: tuple[int, ...]
     axes: tuple[Axis, ...]
     end: Floats
-    """The middle of the last link's surface. (3,)"""
+    """The middle of the last link's extent. (3,)"""
 
     @property
     def start(self) -> Floats:
@@ -101,7 +101,7 @@ def mirrored_pairs(links: Links) -> list[MirroredLimbs]:
 
 
 def _mirrored(links: Links, carrier: int, tails: tuple[list[int], list[int]]) -> MirroredLimbs | None:
-    """Return two chains that mirror each other; each ends in the middle of its surface.
+    """Return two chains that mirror each other; each ends in the middle of its extent.
 
     Some models use shapes drawn for one side on both sides. To find such pairs by their hinges, the chains then end at
     the lateral position of their last links' origins.
@@ -110,7 +110,7 @@ def _mirrored(links: Links, carrier: int, tails: tuple[list[int], list[int]]) ->
     if len(axes[0]) != len(axes[1]) or len(axes[0]) < 2:
         return None
     origins = np.array([links.origin(tail[-1]) for tail in tails])
-    middles = np.array([box_middle(links.surface(tail[-1])) for tail in tails])
+    middles = np.array([box_middle(links.extent(tail[-1])) for tail in tails])
     lateral = _horizontal(origins[0] - origins[1])
     for ends in (middles, middles - ((middles - origins) @ lateral)[:, None] * lateral):
         one, other = (Chain(tuple(t), a, end) for t, a, end in zip(tails, axes, ends, strict=True))
@@ -171,13 +171,18 @@ def leg_centres(links: Links, chain: Chain, lateral: Floats) -> dict[str, Centre
         knee_axis = knee_axis if knee_axis in named else named[0]
     later = [a for a in flexions if chain.axes.index(a) > chain.axes.index(knee_axis)]
     ankle = _ankle(links, chain, later[0] if later else None, knee_axis)
-    knee = knee_axis.nearest(ankle.point)
+    knee = _bend(chain, knee_axis, ankle.point)
     beside = hip_axis.at_coordinate(knee, lateral)
     thigh = beside - knee
     if thigh[2] <= MEETING * np.linalg.norm(thigh):
         return {}
     hip = _hip(links, chain, hip_axis, beside, knee)
     return {"hip": hip, "knee": Centre(knee, knee_axis.link, evidence, confidence), "ankle": ankle}
+
+
+def _bend(chain: Chain, axis: Axis, near: Floats) -> Floats:
+    """The point (3,) of a bending axis where the other hinges of its link cross it, else the one nearest to `near` (3,)."""
+    return axis.nearest(meeting_point([a for a in chain.axes if a.link == axis.link], near))
 
 
 def _flexions(chain: Chain, lateral: Floats) -> list[Axis]:
@@ -205,7 +210,10 @@ def _ankle(links: Links, chain: Chain, pitch: Axis | None, knee: Axis) -> Centre
         return Centre(sole_cloud(low).mean(0), knee.link, "end of the shin, no ankle joint", GUESSED)
     shin = float(np.linalg.norm(pitch.anchor - knee.anchor))
     beyond = chain.axes[chain.axes.index(pitch) + 1 :]
-    after = [pitch, *itertools.takewhile(lambda a: abs(a.direction @ pitch.direction) < ALIGNED, beyond)]
+    after = [
+        pitch,
+        *itertools.takewhile(lambda a: a.link == pitch.link or not _has_parallel(links, a.link, pitch), beyond),
+    ]
     before = [
         a for a in _before(chain, pitch) if a.distance(pitch.anchor) < MEETING * shin and not _twists(a, knee, pitch)
     ]
@@ -214,6 +222,11 @@ def _ankle(links: Links, chain: Chain, pitch: Axis | None, knee: Axis) -> Centre
     sole = links.surface(foot)
     point = meeting_point([a for a in near if a is pitch or abs(a.direction @ pitch.direction) < ALIGNED], sole.mean(0))
     return Centre(point, foot, f"axes of {' and '.join(joint_names(links, near))} meet here", SURE)
+
+
+def _has_parallel(links: Links, link: int, axis: Axis) -> bool:
+    """Whether a link turns about a line parallel to an axis, as toes do to the ankle's."""
+    return any(abs(a.direction @ axis.direction) > ALIGNED for a in links.axes(link))
 
 
 def _before(chain: Chain, pitch: Axis) -> list[Axis]:
@@ -273,8 +286,10 @@ def arm_centres(links: Links, chain: Chain) -> dict[str, Centre]:
     elbow_axis, evidence, confidence = _elbow_axis(links, chain)
     if elbow_axis is None:
         return {}
-    shoulder = _shoulder(links, list(chain.axes[: chain.axes.index(elbow_axis)]), elbow_axis)
-    elbow = elbow_axis.nearest(shoulder.point)
+    before = list(chain.axes[: chain.axes.index(elbow_axis)])
+    above = [a for a in before if a.link != elbow_axis.link]  # a ball joint has three hinges at the elbow
+    shoulder = _shoulder(links, above or before, elbow_axis)
+    elbow = _bend(chain, elbow_axis, shoulder.point)
     hand = _hand(links, _to_the_palm(links, chain, elbow_axis.link), elbow_axis, elbow)
     return {"shoulder": shoulder, "elbow": Centre(elbow, elbow_axis.link, evidence, confidence), "hand": hand}
 
@@ -326,7 +341,7 @@ def _to_the_palm(links: Links, chain: Chain, elbow: int) -> Chain:
         palm = chain.links[count - 1]
         if len(links.children[palm]) > 2 or words(links.words(link)) & GRASP_WORDS:
             own = chain.links[:count]
-            return Chain(own, tuple(axis for axis in chain.axes if axis.link in own), box_middle(links.surface(palm)))
+            return Chain(own, tuple(axis for axis in chain.axes if axis.link in own), box_middle(links.extent(palm)))
     return chain
 
 
@@ -342,7 +357,7 @@ def _hand(links: Links, chain: Chain, bend: Axis, elbow: Floats) -> Centre:
         point = meeting_point(wrists, elbow + limb * ((first - elbow) @ limb))
         return Centre(point, wrists[-1].link, f"wrist of {' and '.join(joint_names(links, wrists))}", SURE)
     last = chain.links[-1]
-    along = (links.surface(last) - elbow) @ limb
+    along = (links.extent(last) - elbow) @ limb
     return Centre(elbow + limb * HAND_SHARE * along.max(), last, "end of the forearm, no wrist joint", LIKELY)
 
 

@@ -184,6 +184,11 @@ class Links:
         clouds = [self.geom_points(g) for g in (geoms if seen else self.solid(geoms))]
         return np.concatenate(clouds) if clouds else self.origin(link)[None]
 
+    def extent(self, link: int) -> Floats:
+        """Points (P, 3) of a link's surface, and the origins of welded bodies without geoms: a hand may be a frame alone."""
+        frames = [b for b in self.bodies(link) if b != link and not self.model.body_geomnum[b]]
+        return np.concatenate([self.surface(link), self.data.xpos[frames]])
+
     def solid(self, geoms: list[int]) -> list[int]:
         """The geoms that take part in contacts, or all when none does."""
         colliding = [g for g in geoms if self.model.geom_contype[g] or self.model.geom_conaffinity[g]]

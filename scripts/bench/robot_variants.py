@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.robot import Anatomy, Robot
+from robot_retarget.robot.limbs import HAND_SHARE
 from robot_retarget.robot.links import Links
 
 HINGE, FREE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_FREE
@@ -210,6 +211,39 @@ def lying(case: Case) -> Iterator[Variant]:
             yield Variant(f"turned by {degrees}° about {axis}", spec.to_xml())
 
 
+def ball_elbows(case: Case) -> Iterator[Variant]:
+    """An elbow of three hinges that cross is a ball joint, as human models have it; those of both arms mirror each other."""
+    if not set(case.anatomy.sites) >= ARMS:
+        return
+    links, lateral = Links(case.robot), np.cross([0, 0, 1], case.anatomy.forward)
+    for turn in Rotation.random(3, rng=case.rng):
+        spec, lines = _bare(case), turn.as_matrix()
+        for elbow, axes in (("l_elbow", lines), ("r_elbow", lines - 2 * np.outer(lines @ lateral, lateral))):
+            site, body = case.anatomy.sites[elbow], case.body(spec, elbow)
+            if len(body.joints) == 1:
+                bend = body.joints[0]
+                name, own = bend.name, axes @ links.data.xmat[site.body].reshape(3, 3)
+                spec.delete(bend)
+                for k, axis in enumerate(own):
+                    body.add_joint(name=f"{name}_{k}", pos=site.offset, axis=axis, range=(-2, 2))
+        yield Variant("three hinges in place of one", spec.to_xml())
+
+
+def frame_hands(case: Case) -> Iterator[Variant]:
+    """The end of a forearm may be a frame, its shape a ball at the elbow."""
+    spec = _bare(case)
+    sites = case.anatomy.sites
+    arms = [(sites[f"{side}_elbow"], sites[f"{side}_hand"]) for side in "lr" if set(sites) >= ARMS]
+    if arms and all("no wrist joint" in hand.evidence and elbow.body == hand.body for elbow, hand in arms):
+        for elbow, hand in arms:
+            body = spec.bodies[hand.body]
+            for geom in list(body.geoms):
+                spec.delete(geom)
+            body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.01, 0, 0], pos=elbow.offset, mass=0.1)
+            body.add_body(name=f"{body.name}_end", pos=elbow.offset + (hand.offset - elbow.offset) / HAND_SHARE)
+        yield Variant("the hand is a frame", spec.to_xml())
+
+
 LAWS: dict[str, Law] = {
     "joint anchors moved along their axes": moved_anchors,
     "body frames moved along their axes": moved_frames,
@@ -221,6 +255,8 @@ LAWS: dict[str, Law] = {
     "no sites, actuators": without_tools,
     "no root joint": without_root,
     "lying in the reference pose": lying,
+    "elbows as ball joints": ball_elbows,
+    "hands as frames": frame_hands,
 }
 
 

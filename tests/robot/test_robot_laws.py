@@ -45,6 +45,8 @@ LAWS = [
     "no sites, actuators",
     "no root joint",
     LYING,
+    "elbows as ball joints",
+    "hands as frames",
 ]
 
 
