@@ -15,6 +15,7 @@ import robot_retarget
 PACKAGE = ROOT / "robot_retarget"
 BASE = {
     "arrays",
+    "cache",
     "errors",
     "files",
     "keypoints",

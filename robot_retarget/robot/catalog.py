@@ -9,6 +9,7 @@ from robot_retarget.actuators.map import load_map
 from robot_retarget.errors import MatchError, RobotError, known
 from robot_retarget.keypoints import ARM
 from robot_retarget.robot.anatomy import Anatomy
+from robot_retarget.robot.compile import compiled
 from robot_retarget.robot.limbs import ARM_WORDS, words
 from robot_retarget.robot.links import Links
 from robot_retarget.robot.model import Robot, robot_from_model
@@ -89,7 +90,7 @@ def as_robot(robot: Robot | str | Path) -> Robot:
 def _loaded(path: Path, tables: Limits, notes: tuple[str, ...] = (), freed: Quaternion | None = None) -> Robot:
     spec = read_spec(path, freed)
     try:
-        model = spec.compile()
+        model = compiled(spec, path, freed)
         require_finite(model)
         speeds = urdf_speeds(path) if is_urdf(path) else {}
     except ValueError as error:

@@ -60,6 +60,7 @@ class Separation:
         # Views are kept: to ask for one takes as long as to use it.
         self._centres, self._dofs = self.data.subtree_com, self.data.cdof
         solid = np.asarray(self.model.body_weldid)[self.model.geom_bodyid] != 0
+        self.model.geom_contype[~solid] = self.model.geom_conaffinity[~solid] = 0  # the floor of a scene costs time
         self.counts: Bools = np.logical_and.outer(solid, solid)
         self.rest: Floats = np.full((self.model.ngeom + 1,) * 2, np.inf)
         """(G + 1, G + 1) distance of two geoms at rest [m]; the floor, which comes last, may be touched."""
