@@ -20,13 +20,15 @@ class Contacts:
     """(C, 2) body ids, the lower first."""
     depth: Floats
     """(C,) how far the surfaces overlap [m]."""
+    places: Floats
+    """(C, 3) where, in the world [m]."""
 
     def __len__(self) -> int:
         return len(self.frame)
 
     def of(self, chosen: Any) -> "Contacts":
         """Those that a mask (C,) chooses."""
-        return Contacts(self.frame[chosen], self.bodies[chosen], self.depth[chosen])
+        return Contacts(self.frame[chosen], self.bodies[chosen], self.depth[chosen], self.places[chosen])
 
     @property
     def own(self) -> "Contacts":
@@ -58,6 +60,7 @@ class ContactLog:
         self._counts: list[int] = []
         self._geoms: list[Ints] = []
         self._distances: list[Floats] = []
+        self._places: list[Floats] = []
 
     def record(self, frame: int, data: mujoco.MjData) -> None:
         """Take down the contacts of this moment."""
@@ -67,17 +70,28 @@ class ContactLog:
             self._counts.append(len(contact.dist))
             self._geoms.append(contact.geom.astype(np.int64))
             self._distances.append(contact.dist.copy())
+            self._places.append(contact.pos.copy())
 
     def table(self) -> Contacts:
-        """Everything noted that overlaps."""
+        """Overlaps of the watched bodies with each other."""
+        found = self._all()
+        return found.of(found.bodies[:, 1] < self._watched)
+
+    def around(self) -> Contacts:
+        """Overlaps of the watched bodies with the others."""
+        found = self._all()
+        own = (found.bodies[:, 0] > 0) & (found.bodies[:, 0] < self._watched)
+        return found.of(own & (found.bodies[:, 1] >= self._watched))
+
+    def _all(self) -> Contacts:
         if not self._frames:
-            return Contacts(np.zeros(0, int), np.zeros((0, 2), int), np.zeros(0))
+            return Contacts(np.zeros(0, int), np.zeros((0, 2), int), np.zeros(0), np.zeros((0, 3)))
         geoms, distance = np.concatenate(self._geoms), np.concatenate(self._distances)
         frames = np.repeat(self._frames, self._counts)
         overlap = (distance < 0) & (geoms >= 0).all(1)  # negative ids belong to deformable bodies
         bodies = np.sort(self._body[geoms[overlap]], axis=1)
-        found = Contacts(frames[overlap], bodies.astype(np.int64), -distance[overlap])
-        return found.of(found.bodies[:, 1] < self._watched)
+        places = np.concatenate(self._places)[overlap]
+        return Contacts(frames[overlap], bodies.astype(np.int64), -distance[overlap], places)
 
 
 def replay_contacts(robot: Robot, qpos: Floats) -> Contacts:

@@ -1,4 +1,4 @@
-"""Ground reaction and joint torques of a motion: the zero moment point from momenta, torques by inverse dynamics."""
+"""SolidGround reaction and joint torques of a motion: the zero moment point from momenta, torques by inverse dynamics."""
 
 import copy
 from dataclasses import dataclass
@@ -8,12 +8,15 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import nnls
 
-from robot_retarget.arrays import Bools, Floats, Ints
+from robot_retarget.arrays import Bools, Floats, Ints, cross, unit
+from robot_retarget.robot.feet import CORNERS
 from robot_retarget.robot.kinematics import Points
 from robot_retarget.robot.model import Robot
+from robot_retarget.robot.support import Planes, level_planes
+from robot_retarget.scene.ground import SolidGround
 
 NEAR = 0.002
-"""Height at which a corner carries e⁻² of the load of a corner on the floor [m]: a foot in the air carries nothing."""
+"""Height at which a corner carries e⁻² of the load of a corner on the ground [m]: a foot in the air carries nothing."""
 PLANTED = 3 * NEAR
 """Corners this near to the lowest one carry the robot [m]."""
 EVENNESS = 1e-3
@@ -63,56 +66,49 @@ def momenta(robot: Robot, qpos: Floats, qvel: Floats) -> tuple[Floats, Floats, F
 
 @dataclass(frozen=True)
 class Tread:
-    """How a motion presses on the floor z = 0, over T frames."""
+    """How a motion presses on the ground, over T frames."""
 
     point: Floats
-    """(T, 2) the zero moment point: where the contact forces push [m]."""
+    """(T, 2) the zero moment point, seen from above: where the contact forces push [m]."""
     pull: Floats
-    """(T, 2) force along the floor, over that across it [-]."""
+    """(T,) force along the ground, over that across it [-]."""
     twist: Floats
-    """(T,) moment about the vertical through the point, over the force across the floor [m]."""
+    """(T,) moment about the normal through the point, over the force across the ground [m]."""
 
     def friction(self, corners: list[Floats]) -> Floats:
         """(T,) the friction coefficient that T sets of planted corners (N, 3) need: force and moment, at their mean lever."""
         levers = [np.linalg.norm(c[:, :2] - x, axis=1).mean() for c, x in zip(corners, self.point, strict=True)]
-        return np.linalg.norm(self.pull, axis=1) + np.abs(self.twist) / np.array(levers)
+        return self.pull + np.abs(self.twist) / np.array(levers)
 
 
-def tread(robot: Robot, qpos: Floats, fps: float, smooth: float = 0.0) -> Tread:
-    """Return the ground reaction that a motion (T, nq) needs.
+def tread(robot: Robot, qpos: Floats, fps: float, smooth: float = 0.0, planes: Planes | None = None) -> Tread:
+    """Return the ground reaction that a motion (T, nq) needs: its zero moment point on the planes of the contacts (`support`).
 
-        p_x = c_x − (c_z F_x + L̇_y)/F_z,   p_y = c_y − (c_z F_y − L̇_x)/F_z,   F = Ṗ + m g e_z
-        M_z = L̇_z + (c_x − p_x) F_y − (c_y − p_y) F_x
+        F = Ṗ + m g e_z,   M = L̇ + c × F
 
     Args:
         smooth: standard deviation of a Gaussian over the momenta [s]; servos cannot follow faster changes.
+        planes: of the contacts; the floor z = 0 by default.
     """
     centre, linear, angular = momenta(robot, qpos, velocities(robot, qpos, fps))
+    known = planes or level_planes(len(qpos))
     if len(qpos) < 3:
-        return Tread(centre[:, :2], np.zeros((len(qpos), 2)), np.zeros(len(qpos)))
+        return Tread(centre[:, :2], np.zeros(len(qpos)), np.zeros(len(qpos)))
     if smooth > 0:
         linear, angular = (gaussian_filter1d(a, smooth * fps, axis=0, mode="nearest") for a in (linear, angular))
     mass = robot.model.body_subtreemass[robot.model.body_rootid[robot.root_body]]
     force = np.gradient(linear, 1 / fps, axis=0) - mass * robot.model.opt.gravity
-    turning = np.gradient(angular, 1 / fps, axis=0)
-    height, across = centre[:, 2:], force[:, 2]
-    arm = (height * force[:, :2] + np.stack([turning[:, 1], -turning[:, 0]], axis=1)) / across[:, None]
-    twist = turning[:, 2] + arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]
-    return Tread(centre[:, :2] - arm, force[:, :2] / across[:, None], twist / across)
+    moment = np.gradient(angular, 1 / fps, axis=0) + cross(centre, force)
+    point = known.points(np.concatenate([force, moment], axis=1))
+    across = (force * known.surfaces).sum(axis=1)
+    pull = np.linalg.norm(force - across[:, None] * known.surfaces, axis=1) / across
+    twist = ((moment - cross(point, force)) * known.surfaces).sum(axis=1) / across
+    return Tread(point[:, :2], pull, twist)
 
 
-def zero_moment_points(robot: Robot, qpos: Floats, fps: float, smooth: float = 0.0) -> Floats:
-    """(T, 2) where on the floor z = 0 the contact forces push [m]; see `tread`.
-
-    Args:
-        qpos: (T, nq) configurations.
-        fps: frames per second [1/s].
-        smooth: standard deviation of a Gaussian over velocities [s].
-    """
-    return tread(robot, qpos, fps, smooth).point
-
-
-def joint_torques(robot: Robot, qpos: Floats, fps: float, soles: Points, smooth: float = 0.0) -> tuple[Floats, Floats]:
+def joint_torques(
+    robot: Robot, qpos: Floats, fps: float, soles: Points, smooth: float = 0.0, ground: SolidGround | None = None
+) -> tuple[Floats, Floats]:
     """Return the joint torques (T, n) [N m] of a motion (T, nq) on planted soles, and those at rest in its poses.
 
     Damping and dry friction are not included: the servo model adds them. `smooth` as in `tread`, over velocities.
@@ -122,15 +118,22 @@ def joint_torques(robot: Robot, qpos: Floats, fps: float, soles: Points, smooth:
         fps: frames per second [1/s].
         soles: corners of the soles.
         smooth: standard deviation of a Gaussian over velocities [s].
+        ground: under the soles; the floor alone by default.
     """
-    moving = required_forces(robot, qpos, fps, soles, smooth)
+    moving = required_forces(robot, qpos, fps, soles, smooth, ground=ground)
     still = np.zeros_like(moving)
-    resting = _inverse(robot, (qpos, still, still), soles, np.ones(len(qpos), dtype=bool))
+    resting = _inverse(robot, (qpos, still, still), soles, np.ones(len(qpos), dtype=bool), ground or SolidGround())
     return moving[:, robot.dof_index], resting[:, robot.dof_index]
 
 
 def required_forces(
-    robot: Robot, qpos: Floats, fps: float, soles: Points, smooth: float = 0.0, standing: Bools | None = None
+    robot: Robot,
+    qpos: Floats,
+    fps: float,
+    soles: Points,
+    smooth: float = 0.0,
+    standing: Bools | None = None,
+    ground: SolidGround | None = None,
 ) -> Floats:
     """Return the generalised forces of a motion without the contact forces on the soles.
 
@@ -141,7 +144,8 @@ def required_forces(
     Args:
         qpos: (T, nq) configurations.
         smooth: standard deviation of a Gaussian over velocities [s].
-        standing: (T,) whether the soles touch the floor; by default in every frame.
+        standing: (T,) whether the soles touch the ground; by default in every frame.
+        ground: under the soles; the floor alone by default.
 
     Returns:
         (T, nv) [N, N m].
@@ -150,11 +154,14 @@ def required_forces(
     if smooth > 0:
         qvel = gaussian_filter1d(qvel, smooth * fps, axis=0, mode="nearest")
     qacc = np.gradient(qvel, 1 / fps, axis=0) if len(qpos) > 1 else np.zeros_like(qvel)
-    return _inverse(robot, (qpos, qvel, qacc), soles, np.ones(len(qpos), dtype=bool) if standing is None else standing)
+    stands = np.ones(len(qpos), dtype=bool) if standing is None else standing
+    return _inverse(robot, (qpos, qvel, qacc), soles, stands, ground or SolidGround())
 
 
-def _inverse(robot: Robot, motion: tuple[Floats, Floats, Floats], soles: Points, standing: Bools) -> Floats:
-    """(T, nv) inverse dynamics of positions, velocities and accelerations, less the push of the floor."""
+def _inverse(
+    robot: Robot, motion: tuple[Floats, Floats, Floats], soles: Points, standing: Bools, ground: SolidGround
+) -> Floats:
+    """(T, nv) inverse dynamics of positions, velocities and accelerations, less the push of the ground."""
     model = copy.copy(robot.model)
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     model.dof_damping[:] = 0.0
@@ -164,30 +171,42 @@ def _inverse(robot: Robot, motion: tuple[Floats, Floats, Floats], soles: Points,
         mujoco.mj_inverse(model, data)
         found[t] = data.qfrc_inverse
         if standing[t]:
-            found[t] -= floor_push(model, data, soles, root, data.qfrc_inverse[root])
+            found[t] -= ground_push(model, data, soles, root, data.qfrc_inverse[root], ground)
     return found
 
 
-def floor_push(model: mujoco.MjModel, data: mujoco.MjData, soles: Points, root: Ints, wrench: Floats) -> Floats:
-    """(nv,) generalised force of the floor on the planted corners that together push the root by `wrench` (6,).
+def ground_push(
+    model: mujoco.MjModel, data: mujoco.MjData, soles: Points, root: Ints, wrench: Floats, ground: SolidGround
+) -> Floats:
+    """(nv,) generalised force of the ground on the planted corners that together push the root by `wrench` (6,).
 
     Args:
         model: the compiled model.
         data: the robot's poses.
-        soles: corners of the soles.
+        soles: corners of the soles, four of each foot.
         root: (6,) indices of the root in qvel.
         wrench: (6,) on the root [N, N m].
+        ground: under the soles.
     """
     places = data.xpos[soles.bodies] + np.einsum("kij,kj->ki", data.xmat[soles.bodies].reshape(-1, 3, 3), soles.offsets)
-    height = places[:, 2] - places[:, 2].min()
+    found = [ground.footing(sole) for sole in places.reshape(-1, CORNERS, 3)]
+    bodies = np.repeat(soles.bodies[::CORNERS], [len(points) for points, _, _ in found])
+    points, height, normals = (np.concatenate(part) for part in zip(*found, strict=True))
+    height = height - height.min()
     planted = np.flatnonzero(height < PLANTED)
-    edges = np.array([[GRIP, 0, 1], [-GRIP, 0, 1], [0, GRIP, 1], [0, -GRIP, 1]])
     jacobian, columns = np.zeros((3, model.nv)), []
-    for k in planted:
-        mujoco.mj_jac(model, data, jacobian, None, places[k], int(soles.bodies[k]))
+    for k, edges in zip(planted, _pyramids(normals[planted]), strict=True):
+        mujoco.mj_jac(model, data, jacobian, None, points[k], int(bodies[k]))
         columns.append(np.exp(-height[k] / NEAR) * jacobian.T @ edges.T)
     generators = np.hstack(columns)
     # Two feet can share a load in many ways: the ridge picks the evenest of those that stand, which changes smoothly.
     ridge = EVENNESS * np.eye(generators.shape[1])
     share, _ = nnls(np.vstack([generators[root], ridge]), np.concatenate([wrench, np.zeros(len(ridge))]))
     return generators @ share
+
+
+def _pyramids(normals: Floats) -> Floats:
+    """Return (P, 4, 3) edges of the friction pyramids on surfaces with normals (P, 3) that point up."""
+    ahead = unit(normals[:, [2, 1, 0]] * [1.0, 0.0, -1.0])
+    left = cross(normals, ahead)
+    return normals[:, None] + GRIP * np.stack([ahead, -ahead, left, -left], axis=1)

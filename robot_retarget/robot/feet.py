@@ -1,6 +1,6 @@
 """The feet of a robot: the bodies that may stand on the floor, and the corners of their soles."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from robot_retarget.robot.anatomy import Anatomy
 from robot_retarget.robot.kinematics import Points
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.recognise import recognise
+from robot_retarget.scene.ground import filled
 
 CORNER_NAMES = ("front left", "front right", "rear left", "rear right")
 CORNERS = len(CORNER_NAMES)
@@ -31,6 +32,15 @@ class Feet:
     """(K,) the place of the foot that each sole point belongs to."""
     corners: Points
     """Four of each foot, that span its sole."""
+
+    @property
+    def filled(self) -> "Feet":
+        """The feet with points in rows all over their soles: on a step, any part may carry."""
+        if not self.names:
+            return self
+        offsets = filled(self.corners.offsets.reshape(-1, CORNERS, 3))
+        owner = np.repeat(np.arange(len(offsets)), offsets.shape[1])
+        return replace(self, soles=Points(self.corners.bodies[CORNERS * owner], offsets.reshape(-1, 3)), owner=owner)
 
     @property
     def all_bodies(self) -> list[int]:

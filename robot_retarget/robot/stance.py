@@ -9,11 +9,12 @@ import numpy as np
 from scipy.spatial import QhullError
 
 from robot_retarget.arrays import Floats
-from robot_retarget.robot.dynamics import momenta, zero_moment_points
+from robot_retarget.robot.dynamics import momenta, tread
 from robot_retarget.robot.feet import Feet, feet_of
 from robot_retarget.robot.kinematics import world_points
 from robot_retarget.robot.model import Robot
-from robot_retarget.robot.support import support
+from robot_retarget.robot.support import Planes, level_planes, planes_through, support
+from robot_retarget.scene.ground import SolidGround
 from robot_retarget.trajectory import Trajectory
 
 DOWN = 0.003
@@ -32,7 +33,7 @@ class Stance:
     touching: np.ndarray
     """(N, F) whether a foot is in contact with the scene."""
     points: Floats
-    """(N, K, 3) sole points [m], heights above the floor."""
+    """(N, K, 3) sole points [m], heights above the ground."""
     down: np.ndarray
     """(N, K) whether a sole point carries its foot."""
     com: Floats
@@ -45,25 +46,40 @@ class Stance:
 
 
 def planned_stance(robot: Robot, trajectory: Trajectory) -> Stance | None:
-    """How the robot would stand if it followed the trajectory on a floor under its lowest sole point of every frame.
+    """How the robot would stand if it followed the trajectory with its lowest sole point of every frame on the ground.
 
     None for a robot without recognised feet or a free root.
     """
-    feet = feet_of(robot)
+    ground = SolidGround(trajectory.scene)
+    feet = feet_of(robot) if ground.level else feet_of(robot).filled
     if not feet.names or not robot.floating:
         return None
-    points = world_points(robot, feet.soles, trajectory.qpos)
-    floor = points[..., 2].min(axis=1)
-    points[..., 2] -= floor[:, None]
+    places = world_points(robot, feet.soles, trajectory.qpos)
+    points = places.copy()
+    points[..., 2] = ground.over(places)
+    above = points[..., 2].min(axis=1)
+    points[..., 2] -= above[:, None]
     down = points[..., 2] < 2 * DOWN
     touching = np.stack([down[:, feet.owner == f].any(1) for f in range(len(feet.names))], axis=1)
-    on_floor = trajectory.qpos.copy()
-    on_floor[:, robot.root_address + 2] -= floor
-    com = momenta(robot, on_floor, np.zeros((len(on_floor), robot.model.nv)))[0]
-    pushed = zero_moment_points(robot, on_floor, trajectory.fps, SMOOTH)
+    on_ground = trajectory.qpos.copy()
+    on_ground[:, robot.root_address + 2] -= above
+    places[..., 2] -= above[:, None]
+    com = momenta(robot, on_ground, np.zeros((len(on_ground), robot.model.nv)))[0]
+    pushed = tread(robot, on_ground, trajectory.fps, SMOOTH, contact_planes(places, down, ground)).point
     margin = margins(np.stack([com[:, :2], pushed]), points[..., :2], down)
     times = np.arange(len(trajectory)) / trajectory.fps
     return Stance(feet, times, touching, points, down, com[:, :2], pushed, margin[0], margin[1])
+
+
+def contact_planes(points: Floats, down: np.ndarray, ground: SolidGround, floor: float = 0.0) -> Planes:
+    """Return the planes through the points (N, K, 3) of soles that are down (N, K); on nothing but the floor, the floor [m]."""
+    if ground.level:
+        return level_planes(len(points), floor)
+    normals = ground.under(points)[1]
+    return planes_through(
+        [own[on] for own, on in zip(points, down, strict=True)],
+        [own[on] for own, on in zip(normals, down, strict=True)],
+    )
 
 
 def margins(places: Floats, corners: Floats, down: np.ndarray) -> Floats:
@@ -87,5 +103,14 @@ def _inside(corners: Floats, places: Floats) -> list[float]:
     try:
         polygon = support(corners)
     except (QhullError, ValueError):  # a point or a line has no inside
-        return (-np.linalg.norm(places[:, None] - corners, axis=2).min(1)).tolist()
+        return (-_from_line(corners, places)).tolist()
     return [polygon.margin(place) for place in places]
+
+
+def _from_line(corners: Floats, places: Floats) -> Floats:
+    """Return distances (M,) of places (M, 2) from the line segment that spans corners (N, 2) [m]."""
+    first = corners[np.linalg.norm(corners - corners[0], axis=1).argmax()]
+    last = corners[np.linalg.norm(corners - first, axis=1).argmax()]
+    way = last - first
+    share = np.clip((places - first) @ way / max(float(way @ way), 1e-12), 0.0, 1.0)
+    return np.linalg.norm(places - first - share[:, None] * way, axis=1)

@@ -1,11 +1,24 @@
-"""The support of a robot: the convex hull of the points that carry it."""
+"""The support of a robot: the convex hull of the points that carry it, and the plane on which they push.
 
+Feet on steps have no common floor. Their zero moment point is taken on the virtual plane through the contacts (Sardain and
+Bessonnet, Forces acting on a biped robot, IEEE Transactions on Systems, Man, and Cybernetics A 34(5), 2004):
+
+    p = o + n × M_o / (F · n),   M_o = M − o × F
+
+with F, M the contact wrench about the world's origin, o a point and n the normal of the plane. Contacts on the plane that push
+along n give their weighted mean, which lies in their convex hull; on one floor p is the zero moment point. Seen from above,
+plane and floor have the same hull, so margins are measured there.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, cross, unit
+
+UP = (0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -45,3 +58,57 @@ def _unique(equations: Floats) -> Floats:
     """Return the edges of a hull, without edges collinear with their neighbour."""
     rounded = np.round(equations, 9)
     return equations[np.sort(np.unique(rounded, axis=0, return_index=True)[1])]
+
+
+@dataclass(frozen=True, eq=False)
+class Planes:
+    """The plane through the contacts of a robot, over T frames."""
+
+    places: Floats
+    """(T, 3) a point of it [m]."""
+    normals: Floats
+    """(T, 3) unit normals, pointing up."""
+    surfaces: Floats
+    """(T, 3) mean unit normals of the surfaces that carry: those of a step point up, the plane over it is tilted."""
+
+    def points(self, wrench: Floats) -> Floats:
+        """Return (T, 3) zero moment points on the plane [m].
+
+        Args:
+            wrench: (T, 6) force [N] and moment about the world's origin [N m] of all contacts.
+        """
+        force, moment = wrench[:, :3], wrench[:, 3:] - cross(self.places, wrench[:, :3])
+        return self.places + cross(self.normals, moment) / (force * self.normals).sum(axis=1, keepdims=True)
+
+
+def level_planes(frames: int, height: float = 0.0) -> Planes:
+    """Return the planes of a level floor [m]."""
+    up = np.tile(UP, (frames, 1))
+    return Planes(height * up, up.copy(), up)
+
+
+def joined(planes: Sequence[Planes]) -> Planes:
+    """Return the planes of consecutive frames."""
+    return Planes(*(np.concatenate([getattr(each, name) for each in planes]) for name in vars(planes[0])))
+
+
+def planes_through(contacts: Sequence[Floats], normals: Sequence[Floats]) -> Planes:
+    """Return the planes that fit the contacts best.
+
+    Args:
+        contacts: of each frame, points (P, 3) that carry [m]; none of a frame in the air.
+        normals: (P, 3) of the surfaces there.
+    """
+    planes = level_planes(len(contacts))
+    for t, (points, ups) in enumerate(zip(contacts, normals, strict=True)):
+        if len(points):
+            planes.places[t], planes.normals[t] = _fitted(points)
+            planes.surfaces[t] = unit(ups.mean(axis=0))
+    return planes
+
+
+def _fitted(points: Floats) -> tuple[Floats, Floats]:
+    """Return middle (3,) and normal (3,) of the plane z = a x + b y + c nearest to points (N, 3); level across a line of points."""
+    middle = points.mean(axis=0)
+    slope, *_ = np.linalg.lstsq(points[:, :2] - middle[:2], points[:, 2] - middle[2], rcond=1e-6)
+    return middle, unit(np.append(-slope, 1.0))
