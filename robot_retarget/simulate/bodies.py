@@ -52,6 +52,11 @@ class SimulatedBodies:
         return np.array([self.model.body(PREFIX + name).id for name in self.scene.names], np.int64)
 
     @cached_property
+    def still(self) -> tuple[int, ...]:
+        """Ids in the model of the bodies at rest."""
+        return tuple(int(self.ids[k]) for k, body in enumerate(self.scene.bodies) if body.fixed)
+
+    @cached_property
     def coordinates(self) -> Ints:
         """(7 F,) indices of the free bodies' poses in the model's configuration, in their order."""
         first = self.model.jnt_qposadr[self.model.body_jntadr[self.ids[list(self.free)]]]

@@ -3,7 +3,7 @@
     u(t) = q(t') + (τ(t') + f tanh(ω(t') / ω_f) − b ω(t')) / k_p,    t' = t + delay + half a goal's hold
 
 τ comes from inverse dynamics along the motion (inertia, gravity, damping), f is the dry friction, b the servo's own
-speed term. On a floor the planted soles provide the root's part of the inverse dynamics, and their push loads
+speed term. On the ground the planted soles provide the root's part of the inverse dynamics, and their push loads
 the legs: forces within friction pyramids at the soles' corners, by non-negative least squares.
 """
 
@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation, RotationSpline
 from robot_retarget.arrays import Floats
 from robot_retarget.goals import Goals
 from robot_retarget.robot.coupling import Coupling
-from robot_retarget.robot.dynamics import floor_push
+from robot_retarget.robot.dynamics import ground_push
 from robot_retarget.robot.feet import feet_of
 from robot_retarget.robot.model import FREE
 from robot_retarget.simulate.goals import Playback, settled
@@ -106,7 +106,7 @@ def _torques(plant: Plant, states: Floats, rate: float, mode: Mode) -> tuple[Flo
     data, places = mujoco.MjData(model), plant.places
     qvel, qacc = _rates(plant.model, states, rate)
     soles = feet_of(plant.robot).corners if mode == "free" else None
-    root, links = plant.root_dofs, _Links(plant)
+    root, links, ground = plant.root_dofs, _Links(plant), plant.ground
     if mode == "pinned":
         held = np.setdiff1d(places.dofs, plant.dofs)
         qvel[:, held] = qacc[:, held] = 0
@@ -117,7 +117,7 @@ def _torques(plant: Plant, states: Floats, rate: float, mode: Mode) -> tuple[Flo
         mujoco.mj_inverse(model, data)
         force = data.qfrc_inverse - pushes[k]
         if soles is not None and len(soles):
-            force -= floor_push(model, data, soles, root, force[root])
+            force -= ground_push(model, data, soles, root, force[root], ground)
         torque[k] = links.driven(configurations[k], force[places.dofs])[plant.robot.dof_index]
     return torque, qvel[:, plant.dofs]
 

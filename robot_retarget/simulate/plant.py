@@ -16,6 +16,7 @@ from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.robot.feet import feet_of
 from robot_retarget.robot.model import Robot
 from robot_retarget.scene.geoms import add_bodies, add_floor_of_bodies
+from robot_retarget.scene.ground import SolidGround
 from robot_retarget.scene.scene import Scene
 from robot_retarget.simulate.backlash import Places, add_play, places_of
 from robot_retarget.simulate.bodies import Objects, SimulatedBodies
@@ -53,6 +54,11 @@ class Plant:
     def places(self) -> Places:
         """Where the model has the robot's coordinates."""
         return places_of(self.model, self.robot)
+
+    @cached_property
+    def ground(self) -> SolidGround:
+        """The floor and the bodies at rest."""
+        return SolidGround(None if self.bodies is None else self.bodies.scene)
 
     @cached_property
     def hinges(self) -> Ints:

@@ -1,7 +1,6 @@
 """How a robot stood in a simulation: which feet touched, how they slipped and lifted, and how far inside its support it was balanced.
 
-The zero moment point comes from the force F and the torque τ (about the origin) that the ground exerts:
-x = (z F_x − τ_y) / F_z, y = (z F_y + τ_x) / F_z on a floor of height z.
+The zero moment point comes from the wrench of all contacts, on the plane through the sole points that carry (`robot.support`).
 """
 
 from typing import Any
@@ -9,10 +8,12 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from robot_retarget.arrays import Floats
-from robot_retarget.robot.feet import feet_of
+from robot_retarget.arrays import Bools, Floats
+from robot_retarget.robot.contacts import Contacts
+from robot_retarget.robot.feet import Feet, feet_of
 from robot_retarget.robot.kinematics import world_points
-from robot_retarget.robot.stance import DOWN, Stance, margins
+from robot_retarget.robot.stance import DOWN, Stance, contact_planes, margins
+from robot_retarget.robot.support import Planes
 from robot_retarget.simulate.plant import Plant
 from robot_retarget.simulate.stepping import Rollout
 
@@ -22,21 +23,44 @@ LIGHT = 0.05
 
 def stance_of(plant: Plant, rollout: Rollout) -> Stance | None:
     """How the robot stood in a free rollout; None for a robot without recognised feet."""
-    feet = feet_of(plant.robot)
+    feet = feet_of(plant.robot) if plant.ground.level else feet_of(plant.robot).filled
     if not feet.names or not len(rollout.times):
         return None
-    floor = floor_height(plant.model)
-    points = world_points(plant.robot, feet.soles, rollout.qpos)
-    points[..., 2] -= floor
+    places, floor = world_points(plant.robot, feet.soles, rollout.qpos), floor_height(plant.model)
+    points = places.copy()
+    points[..., 2] -= np.maximum(plant.ground.under(places)[0], floor)
+    carrying = _carrying(plant, rollout, feet)
     touching = np.zeros((len(rollout.times), len(feet.names)), dtype=bool)
-    scene = rollout.contacts.scene
-    for foot, bodies in enumerate(feet.bodies):
-        touching[scene.frame[np.isin(scene.bodies[:, 1], list(bodies))], foot] = True
+    for foot, contacts in enumerate(carrying):
+        touching[contacts.frame, foot] = True
     down = touching[:, feet.owner] & (points[..., 2] < DOWN)
-    zmp = zero_moment_point(rollout.ground, floor, float(plant.model.body_mass.sum()) * plant.robot.gravity)
+    spots, spanned = (points, down) if plant.ground.level else _spots(carrying, len(rollout.times))
+    planes = contact_planes(spots, spanned, plant.ground, floor)
+    weight = float(plant.robot.model.body_mass.sum()) * plant.robot.gravity
+    zmp = zero_moment_point(rollout.ground, planes, weight)
     com = rollout.com[:, :2]
-    margin = margins(np.stack([com, zmp]), points[..., :2], down)
+    margin = margins(np.stack([com, zmp]), spots[..., :2], spanned)
     return Stance(feet, rollout.times, touching, points, down, com, zmp, margin[0], margin[1])
+
+
+def _carrying(plant: Plant, rollout: Rollout, feet: Feet) -> list[Contacts]:
+    """Return the contacts of each foot with the floor or a body at rest."""
+    still = [] if plant.bodies is None else plant.bodies.still
+    floor, around = rollout.contacts.scene, rollout.around.of(np.isin(rollout.around.bodies[:, 1], still))
+    every = Contacts(*(np.concatenate([getattr(floor, name), getattr(around, name)]) for name in vars(floor)))
+    foot = np.concatenate([floor.bodies[:, 1], around.bodies[:, 0]])
+    return [every.of(np.isin(foot, list(bodies))) for bodies in feet.bodies]
+
+
+def _spots(carrying: list[Contacts], states: int) -> tuple[Floats, Bools]:
+    """Return the places (N, P, 3) of contacts over N states [m], and which there are (N, P): a step may be smaller than a sole."""
+    frame, places = (np.concatenate([getattr(each, name) for each in carrying]) for name in ("frame", "places"))
+    order = np.argsort(frame, kind="stable")
+    frame, places = frame[order], places[order]
+    rank = np.arange(len(frame)) - np.searchsorted(frame, frame)
+    spots = np.zeros((states, int(rank.max(initial=0)) + 1, 3))
+    spots[frame, rank] = places
+    return spots, np.arange(spots.shape[1]) < np.bincount(frame, minlength=states)[:, None]
 
 
 def floor_height(model: mujoco.MjModel) -> float:
@@ -45,13 +69,11 @@ def floor_height(model: mujoco.MjModel) -> float:
     return float(model.geom_pos[planes, 2].max()) if planes.size else 0.0
 
 
-def zero_moment_point(ground: Floats, floor: float, weight: float) -> Floats:
+def zero_moment_point(ground: Floats, planes: Planes, weight: float) -> Floats:
     """(N, 2) [m] of wrenches (N, 6) about the origin; NaN where less than LIGHT of the weight is on the ground."""
-    force, torque = ground[:, :3], ground[:, 3:]
     with np.errstate(divide="ignore", invalid="ignore"):
-        lever = np.stack([floor * force[:, 0] - torque[:, 1], floor * force[:, 1] + torque[:, 0]], axis=1)
-        point = lever / force[:, 2:]
-    point[force[:, 2] < LIGHT * weight] = np.nan
+        point = planes.points(ground)[:, :2]
+    point[ground[:, 2] < LIGHT * weight] = np.nan
     return point
 
 

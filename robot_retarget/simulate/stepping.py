@@ -45,7 +45,9 @@ class Rollout:
     ground: Floats
     """(N, 6) force [N] and torque about the world's origin [N m] that the ground exerts on a robot with a free root."""
     contacts: Contacts
-    """All contacts; their frames are the N states."""
+    """Contacts of the robot with itself and the floor; their frames are the N states."""
+    around: Contacts
+    """Contacts of its links with bodies of the scene, by their ids in the plant's model."""
     unstable: float | None
     """When the simulation broke down [s], or None."""
     steps_per_second: float
@@ -151,7 +153,7 @@ class _Log:
         qpos = plant.places.configuration(self.qpos[:n])
         return Rollout(
             times, qpos, self.qpos[:n, plant.hinges], self.qvel[:n, dofs], self.torque[:n, dofs], self.com[:n], self._ground(n),
-            self.contacts.table(), unstable, pace,
+            self.contacts.table(), self.contacts.around(), unstable, pace,
         )  # fmt: skip
 
     def _ground(self, n: int) -> Floats:

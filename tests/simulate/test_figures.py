@@ -18,6 +18,7 @@ from robot_retarget.collision.warn import warnings_of
 from robot_retarget.errors import RobotError, UsageError
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.stance import margins
+from robot_retarget.robot.support import level_planes
 from robot_retarget.simulate.compensate import compensated
 from robot_retarget.simulate.domain import Draw
 from robot_retarget.simulate.rollout import plant_of, rollouts, simulate
@@ -93,7 +94,8 @@ def test_the_zero_moment_point_of_a_slow_squat_is_the_planned_one_to_a_centimetr
     com = np.array(com)
     planned = com - com[:, 2:] / 9.81 * np.gradient(np.gradient(com, 0.02, axis=0), 0.02, axis=0)
     times = np.arange(len(moved)) / moved.fps
-    zmp = zero_moment_point(rollout.ground, floor_height(FREE.model), FREE.model.body_mass.sum())
+    planes = level_planes(len(rollout.times), floor_height(FREE.model))
+    zmp = zero_moment_point(rollout.ground, planes, FREE.model.body_mass.sum())
     quiet = (times > 0.3) & (times < times[-1] - 0.3)
     for axis in (0, 1):
         seen = np.interp(times, rollout.times, zmp[:, axis])
