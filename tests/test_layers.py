@@ -45,7 +45,7 @@ LAYERS = {
     "graph": {"motion", "robot", "human", "scene"},
     "score": {"trajectory", "motion", "robot", "human", "graph"},
     "solve": {"trajectory", "motion", "robot", "human", "graph", "score", "scene"},
-    "balance": CORE - {"balance", "motion"},
+    "balance": CORE - {"balance", "motion"} | {"scene"},
     "papers": {"human", "graph"},
     "edit": {"trajectory", "motion", "robot", "graph", "solve"},
     "collision": {"trajectory", "robot"},

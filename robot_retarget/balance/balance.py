@@ -25,6 +25,7 @@ from robot_retarget.human.activity import require_own_feet
 from robot_retarget.human.resample import at_frames
 from robot_retarget.progress import Count, Progress
 from robot_retarget.robot import Robot
+from robot_retarget.scene.ground import SolidGround
 from robot_retarget.score.likeness import likeness_of
 from robot_retarget.solve.solution import Solution
 from robot_retarget.solve.solve import solution_of
@@ -134,8 +135,9 @@ def _standing(ik: BalancedIk, draft: Floats) -> PlaybackClip:
     posed, count = posed_in_place(ik, draft, turns, balanced_stand(ik, places)), len(draft)
     still = graph_from(graph, human)
     return PlaybackClip(
-        still, posed, np.tile(places, (count, 1, 1, 1)), np.ones((count, len(ik.feet)), bool), graph.fps
-    )
+        still, posed, np.tile(places, (count, 1, 1, 1)), np.ones((count, len(ik.feet)), bool), graph.fps,
+        ground=SolidGround(still.bodies),
+    )  # fmt: skip
 
 
 def _stepping(ik: BalancedIk, draft: Floats) -> PlaybackClip:
@@ -144,15 +146,15 @@ def _stepping(ik: BalancedIk, draft: Floats) -> PlaybackClip:
     Raises:
         BalanceError: the motion leaves the floor.
     """
-    graph, fps = ik.graph, ik.graph.fps
+    graph, fps, ground = ik.graph, ik.graph.fps, SolidGround(ik.graph.bodies)
     corners = ik.corners(draft)
     exact = StepRule(speed=FLAT) if graph.match.recognition.segments else None
-    planted = planted_feet(graph.human.contacts, ik.feet, corners, ik.leg, fps, exact)
+    planted = planted_feet(graph.human.contacts, ik.feet, corners, ik.leg, fps, exact, ground)
     own = stand_places(ik)
     corners = spread(corners, own)
-    kept = without_small_swings(planted, corners, ik.leg, fps)
-    if kept.all():
-        return PlaybackClip(graph, draft, corners, kept, fps)
+    kept = without_small_swings(planted, corners, ik.leg, fps, ground=ground)
+    if kept.all() or graph.bodies is not None:  # a shorter step would miss its place beside a body
+        return PlaybackClip(graph, draft, corners, kept, fps, ground=ground)
     placed = reachable_footholds(kept, corners, own, ik.leg)
     root = slice(ik.robot.root_address, ik.robot.root_address + 2)
     posed = np.array(draft)

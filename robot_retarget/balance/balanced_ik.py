@@ -101,12 +101,12 @@ class BalancedIk:
         """Return K frames with a share (K, 1) of the human's motion, soles at (K, F, 4, 3) [m], feet (K, F) planted."""
         return PlaybackPhase(share, *self._soles(places, planted), *self._pulls)
 
-    def stand(self, start: Floats, places: Floats, centre: Floats) -> Floats:
-        """Return (nq,) the standing pose in balance: soles at places (F, 4, 3), mass over a point (2,)."""
+    def stand(self, start: Floats, places: Floats, centre: Floats, frame: int = 0) -> Floats:
+        """Return (nq,) the standing pose in balance among the bodies of a frame: soles at places (F, 4, 3), mass over a point (2,)."""
         both = np.ones((1, len(self.feet)), bool)
         stand = StandPhase(np.zeros((1, 1)), *self._soles(places[None], both), *self._pulls)
         measured = measured_by(self.solver.problem, self.graph, start[None])
-        tracks = renewed([track.at([0]) for track in self.graph.tracks], measured, stand)
+        tracks = renewed([track.at([frame]) for track in self.graph.tracks], measured, stand)
         targets = targets_of([*tracks, MassKind().track(centre[None], self.leg)]).at(0)
         pose = self.solver.solve_frame(start, targets, iterations=60, tolerance=1e-7)
         return self.solver.raise_above_floor(pose, targets).qpos
@@ -155,10 +155,12 @@ def with_bent_knees(graph: RobotGraph, bent: float) -> RobotGraph:
 
 
 def with_margin(graph: RobotGraph, margin: float) -> RobotGraph:
-    """Return the graph with a margin between surfaces [m]."""
-    apart = [(track.role, track.kind.form) == (Role.INEQUALITY, Form.NUMERIC) for track in graph.tracks]
+    """Return the graph with a margin between surfaces of links [m]; bodies keep theirs, which feet come near to on purpose."""
+    kinds = [(track.role, track.kind.form, track.kind.bodies(track)) for track in graph.tracks]
     tracks = (
-        track.bounded(np.where(track.lower > 0, margin, track.lower), np.inf) if surfaces else track
-        for track, surfaces in zip(graph.tracks, apart, strict=True)
+        track.bounded(np.where(track.lower > 0, margin, track.lower), np.inf)
+        if kind == (Role.INEQUALITY, Form.NUMERIC, None)
+        else track
+        for track, kind in zip(graph.tracks, kinds, strict=True)
     )
     return replace(graph, tracks=tuple(tracks))

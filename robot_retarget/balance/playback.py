@@ -100,7 +100,7 @@ def paced(ik: BalancedIk, clip: PlaybackClip, how: Steadiness, count: Count, slo
     stretch, plan = _with_time_for_weight(ik, clip, how, chosen, slowest, count)
     found = played(ik, clip, plan, count)
     for number in range(chosen.rounds):
-        loads = joint_torques(ik.robot, found.qpos, clip.fps, ik.soles, QUICK)
+        loads = joint_torques(ik.robot, found.qpos, clip.fps, ik.soles, QUICK, clip.ground)
         inside = found.margin / plan.reach
         needs = motion_needs(ik.robot, found.qpos, loads, inside, found.friction, clip.fps, chosen)
         if needs.max() <= chosen.slack or stretch.mean() >= chosen.slowest - 1e-3:
@@ -154,7 +154,7 @@ def played(ik: BalancedIk, clip: PlaybackClip, plan: PlaybackPlan, count: Count,
     start = list(plan.targets) if near else _sequential_starts(ik, plan, solver_clip, count)
     poses = clip_passes(solver_clip, np.array(start), count)
     qpos = np.array([pose.qpos for pose in poses])
-    pressed = tread(robot, qpos, timeline.fps, QUICK)
+    pressed = tread(robot, qpos, timeline.fps, QUICK, plan.planes)
     margin = np.array([p.margin(x) for p, x in zip(plan.supports, pressed.point, strict=True)])
     standing = [spots[down].reshape(-1, 3) for spots, down in zip(plan.places, timeline.planted, strict=True)]
     return Balanced(

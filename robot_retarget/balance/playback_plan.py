@@ -1,6 +1,6 @@
 """A clip laid out in time, from a stand at its pace into a stand, with its targets and its supports."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -9,15 +9,16 @@ from robot_retarget.arrays import Floats
 from robot_retarget.balance.balanced_ik import BalancedIk
 from robot_retarget.balance.foot_spacing import GAP, gaps
 from robot_retarget.balance.stand import balanced_stand, stand_places
-from robot_retarget.balance.swing import foothold_places
+from robot_retarget.balance.swing import foothold_places, laid_on
 from robot_retarget.balance.timeline import Timeline
 from robot_retarget.balance.zmp import Steadiness, ZmpPlan, plan_centre
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.soles import flattened, heading
 from robot_retarget.ramps import JERK_PEAK, minimum_jerk
 from robot_retarget.robot.kinematics import difference, integrate
-from robot_retarget.robot.support import Polygon, support
+from robot_retarget.robot.support import Planes, Polygon, joined, level_planes, planes_through, support
 from robot_retarget.robot.timing import sample
+from robot_retarget.scene.ground import SolidGround
 from robot_retarget.trajectory import Trajectory
 
 LEAD = 1.5
@@ -50,6 +51,8 @@ class PlaybackClip:
     fps: float
     stride: float = 1.0
     """Scale of the path along the floor."""
+    ground: SolidGround = field(default_factory=SolidGround)
+    """Under the feet."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +67,8 @@ class PlaybackPlan:
     stands: tuple[Floats, Floats]
     """The configurations (nq,) of the first and the last stand."""
     supports: list[Polygon]
+    planes: Planes
+    """Through the planted soles of every frame."""
     zmp: ZmpPlan
     slowdown: float
     stride: float
@@ -84,17 +89,16 @@ def plan_playback(ik: BalancedIk, clip: PlaybackClip, stretch: Floats, how: Stea
         how: conditions on the centre of mass.
     """
     ends = [_end_places(ik, clip, t) for t in (0, -1)]
-    stands = [balanced_stand(ik, places) for places in ends]
+    stands = [balanced_stand(ik, places, t) for places, t in zip(ends, (0, -1), strict=True)]
     timeline = timeline_of(ik, clip, stands, stretch)
     targets = _target_poses(ik, clip, stands, timeline)
     places = _places(ik, clip, ends, timeline)
-    supports = _supports(timeline, places)
-    centre = ik.centres(targets)
+    (supports, planes), centre = _supports(timeline, places, clip.ground), ik.centres(targets)
     over = np.array([s.middle for s in supports]) if clip.planted.all() else centre[:, :2]
-    plan = plan_centre(over, centre[:, 2] / ik.robot.gravity, supports, clip.fps, how)
-    return PlaybackPlan(
-        timeline, targets, places, (stands[0], stands[1]), supports, plan, float(stretch.mean()), clip.stride
-    )
+    lever = (centre[:, 2] - planes.places[:, 2]) / ik.robot.gravity
+    plan = plan_centre(over, lever, supports, clip.fps, how)
+    ends_at = (stands[0], stands[1])
+    return PlaybackPlan(timeline, targets, places, ends_at, supports, planes, plan, float(stretch.mean()), clip.stride)
 
 
 def timeline_of(ik: BalancedIk, clip: PlaybackClip, stands: list[Floats], stretch: Floats) -> Timeline:
@@ -146,12 +150,13 @@ def _target_poses(ik: BalancedIk, clip: PlaybackClip, stands: list[Floats], time
 def _end_places(ik: BalancedIk, clip: PlaybackClip, frame: int) -> Floats:
     """Return (F, 4, 3) the feet before or after the clip; a foot in the air goes to its place next to the other."""
     corners, planted = clip.corners[frame], clip.planted[frame]
-    own = stand_places(ik)
-    if planted.all() or not planted.any():
-        return flattened(corners)
-    target, stand = flattened(corners[planted][0]), own[planted][0]
-    spin = Rotation.from_euler("z", heading(target[None]) - heading(stand[None])).as_matrix()
-    return target.mean(axis=0) + (own - stand.mean(axis=0)) @ spin.T
+    own, lift = stand_places(ik), ARC * ik.leg
+    if not planted.all() and planted.any():
+        target, stand = flattened(corners[planted][0]), own[planted][0]
+        spin = Rotation.from_euler("z", heading(target[None]) - heading(stand[None])).as_matrix()
+        beside = target.mean(axis=0) + (own - stand.mean(axis=0)) @ spin.T
+        corners = beside + np.array([0.0, 0.0, corners[planted][0][:, 2].min()])
+    return np.stack([laid_on(clip.ground, sole, lift) for sole in corners])
 
 
 def _places(ik: BalancedIk, clip: PlaybackClip, ends: list[Floats], timeline: Timeline) -> Floats:
@@ -164,17 +169,23 @@ def _places(ik: BalancedIk, clip: PlaybackClip, ends: list[Floats], timeline: Ti
         aside = timeline.planted[frames] & ~clip.planted[frame]
         corners[frames] = np.where(aside[:, :, None, None], places, corners[frames])
     gap = GAP * float(gaps(stand_places(ik)[None])[0])
-    return foothold_places(timeline.planted, corners, ARC * ik.leg, gap)
+    return foothold_places(timeline.planted, corners, ARC * ik.leg, gap, clip.ground)
 
 
-def _supports(timeline: Timeline, places: Floats) -> list[Polygon]:
-    """Return K hulls of the planted soles."""
-    known: dict[bytes, Polygon] = {}
+def _supports(timeline: Timeline, places: Floats, ground: SolidGround) -> tuple[list[Polygon], Planes]:
+    """Return K hulls of the planted soles, and the planes through them."""
+    known: dict[bytes, tuple[Polygon, Planes]] = {}
     found = []
     for planted, corners in zip(timeline.planted, places, strict=True):
-        standing = corners[planted].reshape(-1, 3)
-        key = standing.tobytes()
+        key = corners[planted].tobytes()
         if key not in known:
-            known[key] = support(standing)
+            known[key] = _support(corners[planted], ground)
         found.append(known[key])
-    return found
+    supports, planes = zip(*found, strict=True)
+    return list(supports), joined(planes)
+
+
+def _support(soles: Floats, ground: SolidGround) -> tuple[Polygon, Planes]:
+    """Return the hull of soles (S, 4, 3) that stand, and the plane through them."""
+    points, _, normals = (np.concatenate(part) for part in zip(*(ground.footing(sole) for sole in soles), strict=True))
+    return support(points), level_planes(1) if ground.level else planes_through([points], [normals])

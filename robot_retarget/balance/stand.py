@@ -24,12 +24,13 @@ def stand_places(ik: BalancedIk) -> Floats:
     return (places - places.mean(axis=(0, 1))) @ turn
 
 
-def balanced_stand(ik: BalancedIk, places: Floats) -> Floats:
+def balanced_stand(ik: BalancedIk, places: Floats, frame: int = 0) -> Floats:
     """Return the standing pose with its mass over the middle of its support.
 
     Args:
         ik: solves the pose.
         places: (F, 4, 3) corners of the soles [m].
+        frame: whose bodies are around.
 
     Returns:
         (nq,) configuration.
@@ -39,10 +40,10 @@ def balanced_stand(ik: BalancedIk, places: Floats) -> Floats:
     posed, spin = np.array(ik.robot.standing()), Rotation.from_euler("z", turn)
     root = posed[address : address + 3] - own.mean(axis=(0, 1))
     posed[address : address + 3] = spin.apply(root) + places.mean(axis=(0, 1))
-    posed[address + 2] -= ik.corners(posed[None])[0][..., 2].mean() + ik.options.crouch * ik.leg
+    posed[address + 2] -= (ik.corners(posed[None])[0] - places)[..., 2].mean() + ik.options.crouch * ik.leg
     turned = spin * Rotation.from_quat(posed[address + 3 : address + 7], scalar_first=True)
     posed[address + 3 : address + 7] = turned.as_quat(scalar_first=True)
-    return ik.stand(posed, places, support(places.reshape(-1, 3)).middle)
+    return ik.stand(posed, places, support(places.reshape(-1, 3)).middle, frame)
 
 
 def in_place(human: HumanFeatures, match: Match) -> tuple[HumanFeatures, Floats]:

@@ -4,6 +4,7 @@ A human lifts a heel, rolls onto the toes, shifts a foot by a centimetre; a smal
 foot flat in place. The robot lifts a foot only if the human lifts it well, or puts it down elsewhere.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ from scipy.ndimage import uniform_filter1d
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import BalanceError
 from robot_retarget.human.stance import StanceRule, intervals, over_lowest, without_flicker
+from robot_retarget.scene.ground import SolidGround, filled
 
 
 @dataclass(frozen=True)
@@ -37,19 +39,21 @@ def planted_feet(
     leg: float,
     fps: float,
     rule: StepRule | None = None,
+    ground: SolidGround | None = None,
 ) -> np.ndarray:
-    """Return (T, F) the feet of the robot on the floor or nearly so; at least one at every frame.
+    """Return (T, F) the feet of the robot on the ground or nearly so; at least one at every frame.
 
     Args:
         stances: the human's, per foot (T, 2) toe and heel (`contacts.contact_schedule`).
         corners: (T, F, 4, 3) corners of the robot's retargeted soles [m].
+        ground: under them; the floor alone by default.
 
     Raises:
         BalanceError: the motion leaves the floor.
     """
     chosen = rule or StepRule()
-    low, speed = over_lowest(corners[..., 2].min(axis=2), fps), _speed(corners, fps)
-    _refuse_flight(low.min(axis=1) > chosen.height * leg, fps, chosen)
+    low, speed = _heights(corners, fps, ground, np.median), _speed(corners, fps)
+    _refuse_flight(_heights(corners, fps, ground).min(axis=1) > chosen.height * leg, fps, chosen)
     labelled = [stances[f].any(axis=1) if f in stances else np.zeros(len(corners), bool) for f in feet]
     planted = np.stack(labelled, axis=1) | ((low < chosen.height * leg) & (speed < chosen.speed * leg))
     planted = without_flicker(planted, fps, StanceRule())
@@ -58,8 +62,25 @@ def planted_feet(
     return planted
 
 
+def _heights(corners: Floats, fps: float, ground: SolidGround | None, of: Callable[..., Floats] = np.min) -> Floats:
+    """Return heights (T, F) of soles (T, F, 4, 3) over the ground; on a level floor over its drift [m].
+
+    Args:
+        of: `np.min` of the points of a sole; `np.median` where half of it must be low: toes over an edge carry nobody.
+    """
+    if ground is None or ground.level:
+        return over_lowest(corners[..., 2].min(axis=2), fps)
+    points = filled(corners)
+    return of(ground.over(points.reshape(len(points), -1, 3)).reshape(points.shape[:3]), axis=2)
+
+
 def without_small_swings(
-    planted: np.ndarray, corners: Floats, leg: float, fps: float, rule: StepRule | None = None
+    planted: np.ndarray,
+    corners: Floats,
+    leg: float,
+    fps: float,
+    rule: StepRule | None = None,
+    ground: SolidGround | None = None,
 ) -> np.ndarray:
     """Return planted feet without swings that neither lift nor displace a foot; weight transfers have both feet down.
 
@@ -69,17 +90,19 @@ def without_small_swings(
         leg: length of a leg [m].
         fps: frames per second [1/s].
         rule: the definition of a step.
+        ground: under the soles; the floor alone by default.
 
     Returns:
-        (T, F) feet on the floor.
+        (T, F) feet on the ground.
     """
     chosen, kept = rule or StepRule(), planted.copy()
-    low = over_lowest(corners[..., 2].min(axis=2), fps)
+    low, level = _heights(corners, fps, ground), ground is None or ground.level
     for foot in range(planted.shape[1]):
         stood = 0
         for start, stop in intervals(~planted[:, foot]):
-            away = _moved(corners[:, foot], stood + 1, stop)
-            if low[start:stop, foot].max() < chosen.lift * leg and away < chosen.travel * leg:
+            away, higher = _moved(corners[:, foot], stood + 1, stop)
+            rises = not level and higher > chosen.height * leg
+            if low[start:stop, foot].max() < chosen.lift * leg and away < chosen.travel * leg and not rises:
                 kept[start:stop, foot] = True
             else:
                 stood = min(stop, len(planted) - 1)
@@ -87,10 +110,11 @@ def without_small_swings(
     return kept
 
 
-def _moved(corners: Floats, start: int, stop: int) -> float:
-    """Return the largest corner displacement of a foot (T, 4, 3) from the frame before `start` to `stop` [m]."""
+def _moved(corners: Floats, start: int, stop: int) -> tuple[float, float]:
+    """Return the largest corner displacement of a foot (T, 4, 3) along the floor, and that of its middle up or down, from the frame before `start` to `stop` [m]."""
     before, after = max(start - 1, 0), min(stop, len(corners) - 1)
-    return float(np.linalg.norm((corners[after] - corners[before])[:, :2], axis=1).max())
+    way = corners[after] - corners[before]
+    return float(np.linalg.norm(way[:, :2], axis=1).max()), abs(float(way[:, 2].mean()))
 
 
 def _speed(corners: Floats, fps: float) -> Floats:

@@ -63,6 +63,11 @@ class RobotGraph(Graph):
         return self.human.fps
 
     @property
+    def bodies(self) -> Scene | None:
+        """The bodies around the robot, with poses at the frames."""
+        return next((found for track in self.tracks if (found := track.kind.bodies(track)) is not None), None)
+
+    @property
     def costs(self) -> list[Track]:
         """The tracks of symbolic costs of one frame, in the order of compiled measures."""
         return frame_costs(self.tracks)

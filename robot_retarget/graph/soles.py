@@ -32,6 +32,11 @@ def flattened(corners: Floats) -> Floats:
     return np.concatenate([flat, np.zeros((*flat.shape[:-1], 1))], axis=-1)
 
 
+def laid(corners: Floats, place: Floats, normal: Floats) -> Floats:
+    """Return corners (4, 3) laid flat on a plane, with the heading and the middle they have seen from above; as `raised`."""
+    return raised(flattened(corners), place, normal)
+
+
 def raised(corners: Floats, place: Floats, normal: Floats) -> Floats:
     """Return corners (4, 3) on the floor moved straight up to a plane.
 

@@ -98,8 +98,7 @@ def solution_of(
         timings: durations of the stages [s].
     """
     qpos, problem = np.array([pose.qpos for pose in poses]), solver.problem
-    scene = next((found for track in graph.tracks if (found := track.kind.bodies(track)) is not None), None)
-    trajectory = replace(trajectory_of(graph.motion, graph.robot, qpos), scene=scene)
+    trajectory = replace(trajectory_of(graph.motion, graph.robot, qpos), scene=graph.bodies)
     measured = measured_by(problem, graph, qpos)
     stress = {name: graph.kinds[name].stress(values).sum(axis=1) for name, values in measured.items()}
     stress |= _numeric_stress(solver, graph, qpos) | _temporal_stress(graph, qpos)
