@@ -172,7 +172,7 @@ def leg_centres(links: Links, chain: Chain, lateral: Floats) -> dict[str, Centre
     later = [a for a in flexions if chain.axes.index(a) > chain.axes.index(knee_axis)]
     ankle = _ankle(links, chain, later[0] if later else None, knee_axis)
     knee = _bend(chain, knee_axis, ankle.point)
-    beside = hip_axis.at_coordinate(knee, lateral)
+    beside = _bend(chain, hip_axis, hip_axis.at_coordinate(knee, lateral))
     thigh = beside - knee
     if thigh[2] <= MEETING * np.linalg.norm(thigh):
         return {}

@@ -71,6 +71,25 @@ def test_a_canted_hip_is_where_its_axes_cross(degrees: int, tmp_path: Path) -> N
     np.testing.assert_allclose(found["r_ankle"], [0, -0.1, 0.1], atol=1e-6)
 
 
+def spread_leg(side: str, sign: int) -> str:
+    """A leg that stands outwards; three hinges of one body are its hip."""
+    return f"""
+      <body name="{side}1" pos="0 {sign * 0.1} 0" euler="{sign * 0.35} 0 0">
+       <joint axis="0 0 1"/><joint axis="0 1 0"/><joint axis="1 0 0"/>
+       <geom type="capsule" fromto="0 0 0 0 0 -0.3" size="0.03" mass="0.3"/>
+       <body name="{side}2" pos="0 0 -0.3"><joint axis="0 1 0"/>
+        <geom type="capsule" fromto="0 0 0 0 0 -0.3" size="0.03" mass="0.3"/>
+        <body name="{side}3" pos="0 0 -0.3"><joint axis="0 1 0"/>
+         <geom type="box" size="0.08 0.03 0.01" pos="0.03 0 -0.04" mass="0.1"/>
+        </body></body></body>"""
+
+
+def test_a_hip_of_three_hinges_is_where_they_cross_also_under_legs_that_stand_apart(tmp_path: Path) -> None:
+    found = places(load_robot(written(tmp_path, legged(spread_leg("l", 1) + spread_leg("r", -1)))))
+    np.testing.assert_allclose(found["l_hip"], [0, 0.1, 0.7], atol=1e-6)
+    np.testing.assert_allclose(found["r_hip"], [0, -0.1, 0.7], atol=1e-6)
+
+
 @pytest.mark.parametrize("drop", [0.0, 0.05, 0.1])
 def test_a_roll_axis_below_the_ankles_pitch_carries_the_foot_and_is_no_toe_joint(drop: float, tmp_path: Path) -> None:
     legs = "".join(
