@@ -1,6 +1,9 @@
 """Versions of MuJoCo that give wrong results are refused with the reason; those that were tried are not."""
 
+import runpy
+
 import pytest
+from shared_files import ROOT
 
 from robot_retarget.errors import RobotError
 from robot_retarget.versions import check, require_mujoco
@@ -21,3 +24,8 @@ def test_wrong_and_old_versions_are_refused_with_the_reason_and_the_command(vers
         RobotError, match=rf"MuJoCo {version} cannot be used: .*{reason}.*pip install 'mujoco>=3.12,<4'"
     ):
         check(version)
+
+
+def test_the_script_that_tries_versions_names_tests_that_exist() -> None:
+    tests = runpy.run_path(str(ROOT / "scripts/tools/mujoco_versions.py"))["TESTS"]
+    assert [test for test in tests if not (ROOT / test).exists()] == []
