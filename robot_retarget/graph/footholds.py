@@ -6,13 +6,14 @@ stances a swing foot follows its own path, with an offset that changes from one 
 """
 
 from dataclasses import dataclass
+from itertools import accumulate
 
 import numpy as np
 
 from robot_retarget.arrays import Bools, Floats, bearing, leftward, unit
 from robot_retarget.graph.path import RootScaling, root_scaling_of
 from robot_retarget.graph.placed_scene import PlacedScene, placed_scene
-from robot_retarget.graph.soles import HEEL, TOE, flattened, lengths, raised
+from robot_retarget.graph.soles import HEEL, TOE, flattened, lengths, raised, turned
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.match import Match
 from robot_retarget.human.stance import intervals
@@ -36,8 +37,12 @@ class Footholds:
     """(T, F, 4, 3) places of standing corners, and targets of a swing foot's corners [m]."""
 
 
-def footholds_of(human: HumanFeatures, match: Match, robot: Robot) -> Footholds:
-    """Return the footholds of the matched feet; empty for a robot with a fixed base."""
+def footholds_of(human: HumanFeatures, match: Match, robot: Robot, backlash: float = np.inf) -> Footholds:
+    """Return the footholds of the matched feet; empty for a robot with a fixed base.
+
+    Args:
+        backlash: by which a foot heads away from its foothold before this turns with it [rad].
+    """
     feet = placed_feet(match, robot)
     held = np.zeros((len(human), len(feet), CORNERS), dtype=bool)
     places = np.zeros((*held.shape, 3))
@@ -46,11 +51,13 @@ def footholds_of(human: HumanFeatures, match: Match, robot: Robot) -> Footholds:
         if foot in human.contacts:
             held[:, k, TOE], held[:, k, HEEL] = human.contacts[foot][:, :1], human.contacts[foot][:, 1:]
         corners = sole_of(human, match, robot, foot).places(human)
+        heading = settled_heading(held[:, k], lengths(corners), backlash)
         if scene is None:
-            places[:, k] = foothold_corners(held[:, k], corners)
+            places[:, k] = foothold_corners(held[:, k], corners, heading=heading)
             continue
         surface = surface_under(human, scene, foot)
-        places[:, k] = foothold_corners(held[:, k], corners + surface.shift[:, None], surface=surface)
+        corners = corners + surface.shift[:, None]
+        places[:, k] = foothold_corners(held[:, k], corners, surface=surface, heading=heading)
     return Footholds(feet, held, places)
 
 
@@ -172,26 +179,60 @@ def without_unreachable(held: np.ndarray, away: Floats, unreached: Bools, fixed:
     return held
 
 
-def foothold_corners(held: np.ndarray, corners: Floats, fixed: int = 0, surface: Surface | None = None) -> Floats:
+def foothold_corners(
+    held: np.ndarray, corners: Floats, fixed: int = 0, surface: Surface | None = None, heading: Floats | None = None
+) -> Floats:
     """Return (T, 4, 3) corners of one foot: at its footholds in stance, on its swing reference otherwise [m].
+
+    A foothold keeps its place, and turns about its stillest corner as the heading does.
 
     Args:
         held: (T, 4) which corners stand.
         corners: (T, 4, 3) corners without footholds [m]: a stance uses their median, a swing their shape.
         fixed: number of frames at the start that stay unchanged; a stance that began there keeps its place.
         surface: the surface under the foot; None for the floor.
+        heading: (T,) of the foot [rad]; by default the foothold does not turn.
     """
     stands, places = np.asarray(held.any(axis=1)), corners.copy()
     for start, stop in intervals(stands):
         known = slice(start, min(fixed, stop) if start < fixed else stop)
         whole = np.asarray(held[known].all(axis=1))
-        seen = corners[known][whole if whole.any() else slice(None)]
+        turn = np.zeros(stop - start) if heading is None else heading[start:stop] - heading[start]
+        still = _stillest(corners[start:stop], held[start:stop])
+        seen = turned(corners[known], -turn[: known.stop - start], still)[whole if whole.any() else slice(None)]
         pose = median_pose(seen)
         flat = flattened(pose) if held[start:stop].all(axis=1).any() else _edges_down(pose)
-        places[start:stop] = flat if surface is None else raised(flat, *surface.over(slice(start, stop)))
+        place = turned(np.broadcast_to(flat, (stop - start, *flat.shape)), turn, still)
+        places[start:stop] = place if surface is None else raised(place, *surface.over(slice(start, stop)))
     stands[:fixed] = True
     places[~stands] += _blended(stands, places - corners)[~stands]
     return places
+
+
+def settled_heading(held: np.ndarray, ahead: Floats, backlash: float) -> Floats:
+    """Return the heading (T,) of a foot that turns in stance only where it heads away by more than a backlash [rad].
+
+    Soles that roll over their toes, and noise, turn no foothold.
+
+    Args:
+        held: (T, 4) which corners stand.
+        ahead: (T, 2) directions of the foot along the floor.
+        backlash: [rad].
+    """
+    heading = np.unwrap(bearing(ahead))
+    for start, stop in intervals(np.asarray(held.any(axis=1))):
+        own = heading[start:stop]
+        first = min(max(float(np.median(own)), own[0] - backlash), own[0] + backlash)
+        settled = accumulate(own, lambda last, to: min(max(last, to - backlash), to + backlash), initial=first)
+        heading[start:stop] = list(settled)[1:]
+    return heading
+
+
+def _stillest(corners: Floats, held: np.ndarray) -> int:
+    """Return the corner of (T, 4, 3) that moves least over the floor, of those held (T, 4) for the longest time."""
+    moves = np.linalg.norm(np.diff(corners[..., :2], axis=0), axis=-1).sum(axis=0)
+    often = held.sum(axis=0)
+    return int(np.where(often == often.max(), moves, np.inf).argmin())
 
 
 def median_pose(corners: Floats) -> Floats:

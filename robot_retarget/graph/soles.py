@@ -37,12 +37,25 @@ def laid(corners: Floats, place: Floats, normal: Floats) -> Floats:
     return raised(flattened(corners), place, normal)
 
 
+def turned(corners: Floats, angle: Floats, corner: int) -> Floats:
+    """Return corners (T, 4, 3) turned about the vertical through one of them.
+
+    Args:
+        angle: (T,) from x towards y [rad].
+        corner: the one that stays.
+    """
+    away = corners[..., :2] - corners[:, [corner], :2]
+    cos, sin = np.cos(angle)[:, None, None], np.sin(angle)[:, None, None]
+    level = corners[:, [corner], :2] + cos * away + sin * leftward(away)
+    return np.concatenate([level, corners[..., 2:]], axis=2)
+
+
 def raised(corners: Floats, place: Floats, normal: Floats) -> Floats:
-    """Return corners (4, 3) on the floor moved straight up to a plane.
+    """Return corners (…, 4, 3) on the floor moved straight up to a plane.
 
     Args:
         place: (3,) a point of the plane [m].
         normal: (3,) its unit normal, pointing up.
     """
-    height = place[2] - (corners[:, :2] - place[:2]) @ normal[:2] / normal[2]
-    return corners + height[:, None] * [0.0, 0.0, 1.0]
+    height = place[2] - (corners[..., :2] - place[:2]) @ normal[:2] / normal[2]
+    return corners + height[..., None] * [0.0, 0.0, 1.0]

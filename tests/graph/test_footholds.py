@@ -17,6 +17,7 @@ from robot_retarget.graph.footholds import (
     foothold_corners,
     footholds_of,
     median_pose,
+    settled_heading,
     without_unreachable,
 )
 from robot_retarget.graph.soles import HEEL, TOE, flattened, lengths
@@ -30,6 +31,7 @@ from robot_retarget.ramps import smoothstep
 from robot_retarget.robot import load_robot, world_points
 from robot_retarget.robot.feet import sole_corners
 from robot_retarget.shipped import SAMPLES
+from robot_retarget.solve.live.stream import stream
 from robot_retarget.solve.solve import solve_graph
 
 SOLE = np.array([[0.2, 0.05, 0], [0.2, -0.05, 0], [0, 0.05, 0], [0, -0.05, 0]])
@@ -55,6 +57,16 @@ def tilted(draw: np.random.Generator, frames: int) -> Floats:
     z = np.array([[c[:, 0], -s[:, 0], zero], [s[:, 0], c[:, 0], zero], [zero, zero, one]]).transpose(2, 0, 1)
     y = np.array([[c[:, 1], zero, s[:, 1]], [zero, one, zero], [-s[:, 1], zero, c[:, 1]]]).transpose(2, 0, 1)
     return SOLE @ (z @ y).swapaxes(1, 2) + np.cumsum(draw.normal(scale=0.01, size=(frames, 1, 3)), axis=0)
+
+
+def turning_on_a_foot() -> Motion:
+    """A standing human who turns by 1.2 rad about the right toes, then stands."""
+    motion = read_motion(SAMPLES / "squat.bvh").resample(30)
+    yaw = 1.2 * smoothstep((np.arange(50) - 20).clip(0, 20) / 20)
+    turn = Rotation.from_rotvec(yaw[:, None] * [0, 0, 1]).as_matrix()
+    stand = motion.positions[0]
+    toe = stand[match(motion, load_robot("op3")).recognition.marks["r_toe"].joints[0]]
+    return replace(motion.frames(0, 50), positions=(stand - toe) @ turn.swapaxes(1, 2) + toe, rotations=None)
 
 
 def shape(corners: Floats) -> Floats:
@@ -159,6 +171,45 @@ def test_the_pose_of_a_stance_is_that_of_most_of_its_frames() -> None:
     moved = corners.copy()
     moved[:2] += [0.3, -0.2, 0.1]
     assert np.allclose(median_pose(moved), corners[0], atol=1e-12)
+
+
+@given(arrays(float, 30, elements=st.floats(-0.3, 0.3)), st.floats(0.01, 0.2))
+def test_the_heading_of_a_stance_stays_within_a_backlash_of_the_foot_and_moves_no_more_than_it_must(
+    steps: np.ndarray, backlash: float
+) -> None:
+    foot = np.cumsum(steps)
+    ahead, stands = np.column_stack([np.cos(foot), np.sin(foot)]), np.ones((30, 4), dtype=bool)
+    settled = settled_heading(stands, ahead, backlash)
+    assert np.abs(settled - foot).max() <= backlash + 1e-9
+    moves, taken = np.diff(settled), np.diff(foot)
+    assert (np.abs(moves) <= np.abs(taken) + 1e-9).all() and (moves * taken >= -1e-12).all()
+    if np.ptp(foot) <= backlash:
+        assert np.ptp(settled) < 1e-12
+    assert np.allclose(settled_heading(~stands, ahead, backlash), foot)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_a_foothold_that_turns_keeps_a_corner_its_shape_and_the_floor(seed: int) -> None:
+    corners = flattened(tilted(np.random.default_rng(seed), 20))
+    heading = np.linspace(0.4, 1.9, 20)
+    places = foothold_corners(np.ones((20, 4), dtype=bool), corners, heading=heading)
+    turn = Rotation.from_rotvec((heading - heading[0])[:, None] * [0, 0, 1]).as_matrix()
+    assert np.allclose(lengths(places), (turn[:, :2, :2] @ lengths(places[0])), atol=1e-9)
+    assert np.allclose(shape(places[-1]), shape(places[0]), atol=1e-9) and not places[..., 2].any()
+    assert np.ptp(places, axis=0).max(axis=1).min() < 1e-12
+
+
+def test_a_human_who_turns_on_the_ball_of_a_foot_turns_the_foothold_of_clip_and_stream() -> None:
+    """By the turn less the backlash; the toes stay within the width of a sole."""
+    graph = describe(turning_on_a_foot(), load_robot("g1_class")).unbalanced()
+    clip = solve_graph(graph).trajectory.qpos
+    streamed = np.array(list(stream(load_robot("g1_class"), turning_on_a_foot())))
+    for qpos in (clip, streamed):
+        sole = world_points(graph.robot, sole_corners(graph.match.anatomy, "r"), qpos)
+        ahead = lengths(sole)[10:]
+        assert np.ptp(np.unwrap(np.arctan2(ahead[:, 1], ahead[:, 0]))) > 0.8
+        toes = sole[10:, TOE, :2].mean(axis=1)
+        assert np.ptp(toes, axis=0).max() < 0.08
 
 
 @given(st.integers(0, 2**32 - 1))

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, bearing
 from robot_retarget.graph.context import RetargetContext, StreamFrame
 from robot_retarget.graph.footholds import Sole, Surface, placed_feet, sole_of, surface_under
-from robot_retarget.graph.soles import HEEL, TOE, flattened, raised
+from robot_retarget.graph.soles import HEEL, TOE, flattened, lengths, raised, turned
 from robot_retarget.graph.track import HARD
 from robot_retarget.graph.weights import RAMP, Weights
 from robot_retarget.human.features import HumanFeatures
@@ -26,14 +26,20 @@ class CausalFootholds:
     offset: Floats
     landed: Floats
 
-    def __init__(self, context: RetargetContext, across: float):
-        """Map the soles of a calibrated performer; `across` is π across the floor of soles that stand."""
+    def __init__(self, context: RetargetContext, across: float, backlash: float):
+        """Map the soles of a calibrated performer.
+
+        Args:
+            across: π across the floor of soles that stand.
+            backlash: by which a foot heads away from its foothold before this turns with it [rad].
+        """
         feet = placed_feet(context.match, context.robot)
         self.soles: list[Sole] = [sole_of(context.human, context.match, context.robot, foot) for foot in feet]
         self.feet, self.weights = feet, context.weights
         self.hard: Floats = np.array([HARD, HARD, across])
         self.held: Floats = np.zeros((len(feet), CORNERS), dtype=bool)
         self.places: Floats = np.zeros((len(feet), CORNERS, 3))
+        self.backlash = backlash
         self.offset, self.landed = np.zeros_like(self.places), np.zeros_like(self.places)
         self.height: Floats = np.zeros((len(feet), CORNERS))
         """Height of corners over their foothold at touchdown [m]."""
@@ -54,6 +60,8 @@ class CausalFootholds:
             if stands and not (stood_before and held[self.held[k]].all()):
                 self.places[k], self.landed[k] = _come_down(corners[k], carried, held, surface), carried
                 self.height[k] = corners[k, :, 2] - self.places[k, :, 2]
+            elif stands:
+                self._turn(k, carried, held)
             if stood_before and not stands:
                 self.offset[k] = corners[k] - carried
             self.held[k] = held
@@ -71,6 +79,16 @@ class CausalFootholds:
         if self.held[foot].any():
             return bool(np.abs(carried - self.landed[foot]).max() < self.strayed)
         return bool(self.since[foot] >= RAMP)
+
+    def _turn(self, foot: int, carried: Floats, held: np.ndarray) -> None:
+        """Turn the foothold about the ball of the big toe, or that side of the heel, as far as the human's foot heads away."""
+        away = bearing(lengths(carried)) - bearing(lengths(self.landed[foot]))
+        away = (away + np.pi) % (2 * np.pi) - np.pi
+        turn = away - np.clip(away, -self.backlash, self.backlash)
+        if turn:
+            corner = (TOE if held[TOE].any() else HEEL)[self.feet[foot] == "l"]
+            pair = np.stack([self.places[foot], self.landed[foot]])
+            self.places[foot], self.landed[foot] = turned(pair, np.full(2, turn), corner)
 
     def _standing(self, foot: int) -> tuple[Floats, Floats]:
         """Return the targets of a stance while the sole moves to the ground.

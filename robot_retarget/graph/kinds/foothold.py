@@ -14,9 +14,17 @@ import numpy as np
 
 from robot_retarget.arrays import Floats, unit
 from robot_retarget.graph.causal.footholds import CausalFootholds
-from robot_retarget.graph.footholds import Footholds, Surface, foothold_corners, footholds_of, without_unreachable
+from robot_retarget.graph.footholds import (
+    Footholds,
+    Surface,
+    foothold_corners,
+    footholds_of,
+    settled_heading,
+    without_unreachable,
+)
 from robot_retarget.graph.kind import AXES, FrameTargets, Kind, Phase, RetargetContext, StreamFrame, Track, exact
 from robot_retarget.graph.phase import CoarsePhase, PlaybackPhase, SolvedPhase, UnbalancedPhase
+from robot_retarget.graph.soles import lengths
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
 from robot_retarget.graph.track import HARD
 from robot_retarget.graph.weights import Weights
@@ -35,6 +43,10 @@ class FootholdKind(Kind):
 
     lands_early: bool = True
     """Whether feet without balance land a frame before their stance, in whose first frame a human's foot still slides."""
+    backlash: float = 0.1
+    """A foot that stands turns with the human's where that heads away by more [rad] ..."""
+    pivots: bool = False
+    """... if no balance follows, which plans stances that stay as they are."""
     frees: bool = True
     """Whether one of two feet steps where the robot's legs do not reach both footholds."""
     laid: float = 3000.0
@@ -46,7 +58,7 @@ class FootholdKind(Kind):
     def targets(self, context: RetargetContext) -> Track | None:
         """Footholds read off the human."""
         kind = self if context.scene is None else replace(self, frees=False)  # a step has one place for a foot
-        footholds = footholds_of(context.human, context.match, context.robot)
+        footholds = footholds_of(context.human, context.match, context.robot, self.backlash)
         return kind.track(footholds, context.leg, context.weights, self.across(context)) if footholds.feet else None
 
     def track(self, footholds: Footholds, leg: float, weights: Weights, across: float = HARD) -> Track:
@@ -78,7 +90,7 @@ class FootholdKind(Kind):
     def step(self, context: StreamFrame, memory: dict[str, Any]) -> FrameTargets:
         """Return the footholds where the robot put its soles down, and the swing references to the human's path."""
         if not memory:
-            memory["footholds"] = CausalFootholds(context.calibration, self.across(context))
+            memory["footholds"] = CausalFootholds(context.calibration, self.across(context), self.backlash)
         return memory["footholds"].at(context)
 
     def renewed(self, track: Track, measured: Floats | None, phase: Phase) -> Track:
@@ -86,8 +98,9 @@ class FootholdKind(Kind):
         match phase:
             case PlaybackPhase():
                 return replace(track, lower=phase.soles, upper=phase.soles, priority=phase.grip)
-            case UnbalancedPhase() if self.lands_early:
-                return self._landed(track)
+            case UnbalancedPhase():
+                pivots = replace(self, pivots=True)
+                return replace(self._landed(track) if self.lands_early else track, kind=pivots)
             case CoarsePhase():
                 return self._flat(track)
             case SolvedPhase() if measured is not None:
@@ -121,15 +134,31 @@ class FootholdKind(Kind):
         """Return footholds where the legs put the feet, `measured` (T, E) [m]; fixed frames stay."""
         planned, fixed = self._held(track), phase.fixed
         corners = measured.reshape(*planned.shape, len(AXES))
-        planes = [_plane(before) for before in track.lower.reshape(corners.shape).swapaxes(0, 1)]
-        held, places = planned, _places(planned, corners, fixed, planes)
+        plan = track.lower.reshape(corners.shape)
+        planes = [_plane(before) for before in plan.swapaxes(0, 1)]
+        headings = self._headings(planned, plan, corners) if self.pivots else [None] * len(planes)
+        held, places = planned, _places(planned, corners, fixed, planes, headings)
         if self.frees and phase.unreached is not None:
             away = np.linalg.norm((corners - places)[..., :2], axis=-1).mean(axis=2)
             held = without_unreachable(planned, away, phase.unreached, fixed)
-            places = _places(held, corners, fixed, planes)
+            places = _places(held, corners, fixed, planes, headings)
         places = places.reshape(measured.shape)
         priority = self._freed(track.priority.reshape(*held.shape, len(AXES)), planned & ~held)
         return replace(track, lower=places, upper=places, priority=priority.reshape(measured.shape))
+
+    def _headings(self, held: np.ndarray, plan: Floats, corners: Floats) -> list[Floats]:
+        """Return the heading (T,) of each foot with which its stances turn [rad].
+
+        It is halfway between the human's and that of the robot's leg: a foot goes where its knee points, which a straight leg
+        leaves open.
+
+        Args:
+            held: (T, F, 4) which corners stand.
+            plan: (T, F, 4, 3) corners read off the human [m].
+            corners: (T, F, 4, 3) corners on the coarse path [m].
+        """
+        ahead = unit(lengths(plan)) + unit(lengths(corners))
+        return [settled_heading(held[:, k], ahead[:, k], self.backlash) for k in range(held.shape[1])]
 
     @staticmethod
     def _freed(priority: Floats, freed: np.ndarray) -> Floats:
@@ -155,9 +184,18 @@ class FootholdKind(Kind):
         return laid if context.scene is None else min(laid, self.on_bodies)
 
 
-def _places(held: np.ndarray, corners: Floats, fixed: int, planes: Sequence[Surface | None]) -> Floats:
+def _places(
+    held: np.ndarray,
+    corners: Floats,
+    fixed: int,
+    planes: Sequence[Surface | None],
+    headings: Sequence[Floats | None],
+) -> Floats:
     """Return (T, F, 4, 3) places of feet on their planes, from which corners stand and corners on the coarse path [m]."""
-    places = [foothold_corners(held[:, k], corners[:, k], fixed, plane) for k, plane in enumerate(planes)]
+    places = [
+        foothold_corners(held[:, k], corners[:, k], fixed, plane, heading)
+        for k, (plane, heading) in enumerate(zip(planes, headings, strict=True))
+    ]
     return np.stack(places, axis=1)
 
 
