@@ -48,7 +48,7 @@ LAYERS = {
     "balance": CORE - {"balance", "motion"} | {"scene"},
     "papers": {"human", "graph"},
     "edit": {"trajectory", "motion", "robot", "graph", "solve"},
-    "collision": {"trajectory", "robot"},
+    "collision": {"trajectory", "robot", "scene"},
     "servo": {"actuators", "feedback", "goals", "trajectory"},
     "summary": {"motion", "robot", "human", "graph", "solve"},
     "result": CORE | {"collision"},

@@ -1,4 +1,4 @@
-"""`warn`: self-collisions foreseen."""
+"""`warn`: collisions foreseen."""
 
 from pathlib import Path
 
@@ -23,7 +23,7 @@ class WarnedOptions(TrajectoryOptions):
 
 @command(commands, epilog="Example: robot-retarget warn dance.npz --robot op3 --plot warnings.png")
 def warn(warned: WarnedOptions, robot: RobotOptions, printing: PrintOptions) -> None:
-    """Foresee a trajectory's self-collisions, frame by frame, and say what came of each warning."""
+    """Foresee collisions of a trajectory with itself and with the bodies around it, frame by frame, and say what came of each warning."""
     from robot_retarget.collision.events import figures_of, write_csv
     from robot_retarget.collision.warn import WarnOptions, warnings_of
     from robot_retarget.files import require_suffix, require_writable

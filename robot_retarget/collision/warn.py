@@ -1,4 +1,4 @@
-"""Self-collision warnings by the interaction distance [Mucherino2019] of the surfaces of links.
+"""Collision warnings by the interaction distance [Mucherino2019] of the surfaces of links, and of links and bodies around.
 
 All joints continue with their last step v, of 1/30 s, within their ranges. With d(q) the signed distance of two links
 at a configuration q, the interaction distance over a horizon of H steps is
@@ -7,10 +7,12 @@ at a configuration q, the interaction distance over a horizon of H steps is
 
 The minimum includes fractions of a step where a hinge turns by more than `robot.swept.TURN` in it. A pair is flagged while
 D is at most the margin and the links approach, or when they overlap now or on the way since the previous step. A flag is held for the
-release time, so that it does not flicker. A stretch of flagged frames is an event. Everything at a frame depends on this
+release time, so that it does not flicker. A link and a body of a scene are flagged while the link is about to be deeper in
+the body than a touch; bodies continue with their last step as well. A stretch of flagged frames is an event. Everything at a frame depends on this
 frame and earlier ones only. Pairs are evaluated once in every step, so that the frame rate does not matter.
 """
 
+import itertools
 from collections import deque
 from dataclasses import dataclass, replace
 from enum import IntEnum
@@ -23,9 +25,11 @@ from robot_retarget.arrays import Bools, Floats
 from robot_retarget.collision.events import Event, events_of
 from robot_retarget.errors import TrajectoryError, UsageError
 from robot_retarget.robot import Robot
+from robot_retarget.robot.body_distances import BodyPairs
 from robot_retarget.robot.distances import LinkDistances
 from robot_retarget.robot.swept import parts_between
 from robot_retarget.robot.timing import require_same_robot
+from robot_retarget.scene.scene import Scene, extrapolated
 from robot_retarget.trajectory import Trajectory
 
 STEP = 1 / 30
@@ -57,6 +61,8 @@ class WarnOptions:
     """Links that come nearer by less do not approach [m]: jitter of captured joints."""
     release: float = 0.25
     """Time for which a flag is held after the last frame that raised it [s]."""
+    rest: float = 0.0011
+    """A link that is no deeper in a body touches it [m]: the bound of the public comparison of retargeters."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -89,6 +95,8 @@ class Warnings:
     """(T, P) [s]; 0 in contact, infinite where no contact is predicted."""
     reach: float
     """Largest distance that is measured [m]."""
+    touch: Floats | float = 0.0
+    """(P,) or a scalar, distance at which a pair is in contact [m]: 0 of links, below 0 of a link and a body."""
 
     def __repr__(self) -> str:
         return f"<Warnings: {len(self.pairs)} pairs over {len(self)} frames, {int(self.flagged.any(axis=0).sum())} flagged>"
@@ -98,8 +106,8 @@ class Warnings:
 
     @property
     def touching(self) -> Bools:
-        """(T, P) whether the links overlap now, or did since the previous step."""
-        return self.swept <= 0
+        """(T, P) whether the pairs are in contact now, or were since the previous step."""
+        return self.swept <= self.touch
 
     @property
     def state(self) -> np.ndarray:
@@ -128,8 +136,9 @@ def warnings_of(
     require_same_robot(trajectory, robot)
     if len(trajectory) < 2:
         raise TrajectoryError("warnings need two frames: a step is the way from one frame to the next; got 1")
-    warner = Warner(robot, trajectory.fps, options, links)
-    frames = [warner.update(qpos) for qpos in trajectory.qpos]
+    warner = Warner(robot, trajectory.fps, options, links, trajectory.scene)
+    around = itertools.repeat(None) if trajectory.scene is None else trajectory.scene.poses(len(trajectory))
+    frames = [warner.update(*frame) for frame in zip(trajectory.qpos, around, strict=False)]
     columns = ("distance", "ahead", "alpha", "swept", "flagged", "closing", "time_to_contact")
     joined = {name: np.concatenate([getattr(frame, name) for frame in frames]) for name in columns}
     return replace(frames[0], **joined)
@@ -143,9 +152,14 @@ class Warner:
     options: WarnOptions
 
     def __init__(
-        self, robot: Robot, fps: float, options: WarnOptions | None = None, links: LinkDistances | None = None
+        self,
+        robot: Robot,
+        fps: float,
+        options: WarnOptions | None = None,
+        links: LinkDistances | None = None,
+        scene: Scene | None = None,
     ):
-        """Compile the distances of the robot, unless `links` are given.
+        """Compile the distances of the robot, unless `links` are given, and of the bodies of a scene.
 
         Raises:
             UsageError: fps is not positive.
@@ -154,26 +168,37 @@ class Warner:
             raise UsageError(f"frames per second must be positive, got {fps}")
         self.robot, self.fps, self.options = robot, float(fps), options or WarnOptions()
         self.links: LinkDistances = links or LinkDistances(robot)
+        self.bodies: BodyPairs | None = None if scene is None else BodyPairs(robot, scene, self.links.reach)
+        own, among = len(self.links), 0 if self.bodies is None else len(self.bodies.names)
+        self.pairs: list[tuple[str, str]] = self.links.names + ([] if self.bodies is None else self.bodies.names)
+        self._margin: Floats = np.repeat([self.options.margin, -self.options.rest], [own, among])
+        self._touch: Floats = np.repeat([0.0, -self.options.rest], [own, among])
         self.span: int = max(1, round(STEP * fps))
         self.step: float = self.span / fps
         """Duration of a step [s]."""
         self.steps: int = max(1, round(self.options.horizon / self.step))
-        self._past: deque[Floats] = deque(maxlen=self.span + 1)
-        self._held = np.zeros(len(self.links), dtype=int)
+        self._past: deque[tuple[Floats, Floats | None]] = deque(maxlen=self.span + 1)
+        self._held = np.zeros(own + among, dtype=int)
         """Number of steps for which each flag is still held."""
         self._count = 0
         self._last: Warnings | None = None
 
-    def update(self, qpos: Floats) -> Warnings:
+    def update(self, qpos: Floats, poses: Floats | None = None) -> Warnings:
         """Return the warnings at the next configuration (nq,).
 
+        Args:
+            qpos: (nq,).
+            poses: (B, 7) of the bodies of the scene, in the world of the robot; none without a scene.
+
         Raises:
-            TrajectoryError: it has another length, or a value that is not finite.
+            TrajectoryError: it has another length, or a value that is not finite, or there are no poses for the scene.
         """
+        if (self.bodies is None) != (poses is None):
+            raise TrajectoryError("poses of bodies belong to the scene of the warnings: give both, or none")
         nq = self.robot.model.nq
         if np.shape(qpos) != (nq,) or not np.isfinite(qpos).all():
             raise TrajectoryError(f"a configuration of {self.robot.name!r} is {nq} finite numbers")
-        self._past.append(np.array(qpos, dtype=float))
+        self._past.append((np.array(qpos, dtype=float), poses))
         since, self._count = self._count % self.span, self._count + 1
         if since == 0 or self._last is None:
             self._last = self._evaluated()
@@ -182,24 +207,32 @@ class Warner:
 
     def _evaluated(self) -> Warnings:
         """Return the warnings of the present frame; other frame rates evaluate the same frames."""
-        before, now = self._past[0], self._past[-1]
-        parts = parts_between(self.robot, before, now)
-        along = self.links.along(self._path(np.arange(1 - parts, self.steps * parts + 1) / parts))
+        parts = parts_between(self.robot, self._past[0][0], self._past[-1][0])
+        along = self._distances(np.arange(1 - parts, self.steps * parts + 1) / parts)
         swept, along = along[:parts].min(axis=0), along[parts - 1 :]
         now, ahead, alpha = along[0], along.min(axis=0), 1 + along.argmin(axis=0) / parts
         closing = ahead < now - self.options.dead_band
-        near = closing & (ahead <= self.options.margin)
+        near = closing & (ahead <= self._margin)
         release = round(self.options.release / self.step) + 1
-        self._held = np.where(near | (swept <= 0), release, np.maximum(self._held - 1, 0))
-        contact = _time_to_zero(along, self.step / parts, np.where(near, (alpha - 1) * self.step, np.inf))
+        self._held = np.where(near | (swept <= self._touch), release, np.maximum(self._held - 1, 0))
+        contact = _time_to_zero(along - self._touch, self.step / parts, np.where(near, (alpha - 1) * self.step, np.inf))
         fields = {"distance": now, "ahead": ahead, "alpha": alpha, "swept": swept, "closing": closing}
         rows: dict[str, Any] = {name: values[None] for name, values in (fields | {"time_to_contact": contact}).items()}
-        return Warnings(self.links.names, self.fps, flagged=self._held[None] > 0, reach=self.links.reach, **rows)
+        flagged, reach = self._held[None] > 0, self.links.reach
+        return Warnings(self.pairs, self.fps, flagged=flagged, reach=reach, touch=self._touch, **rows)
+
+    def _distances(self, k: Floats) -> Floats:
+        """Return the distances (N, P) of all pairs k steps (N,) from now, along the last step."""
+        path, before, now = self._path(k), self._past[0][1], self._past[-1][1]
+        along = self.links.along(path)
+        if self.bodies is None or before is None or now is None:
+            return along
+        return np.hstack([along, self.bodies.along(path, extrapolated(before, now, k))])
 
     def _path(self, k: Floats) -> Floats:
         """Return the configurations (N, nq) k steps (N,) from now, along the last step."""
-        now = self._past[-1]
-        path = now + k[:, None] * (now - self._past[0])
+        now = self._past[-1][0]
+        path = now + k[:, None] * (now - self._past[0][0])
         columns, robot = self.robot.qpos_index, self.robot
         low, high = np.minimum(robot.lower, now[columns]), np.maximum(robot.upper, now[columns])
         path[:, columns] = np.clip(path[:, columns], low, high)

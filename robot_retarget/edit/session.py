@@ -6,7 +6,7 @@ from typing import Any
 
 from robot_retarget.edit.touchup import EditResult, apply_edit
 from robot_retarget.errors import UsageError
-from robot_retarget.graph.describe import RobotGraph, describe
+from robot_retarget.graph.describe import RobotGraph, among_placed, describe
 from robot_retarget.graph.edits import Edit, write_edits
 from robot_retarget.motion import Motion
 from robot_retarget.robot import Robot
@@ -15,12 +15,14 @@ from robot_retarget.trajectory import Trajectory
 
 
 def graph_of(motion: Motion, robot: Robot, trajectory: Trajectory, overrides: str | Path | None = None) -> RobotGraph:
-    """Return the graph of a motion, sampled at the frames of a trajectory of that motion.
+    """Return the graph of a motion, sampled at the frames of a trajectory of that motion, with the bodies around the robot.
 
     Raises:
         MatchError: the motion is not human, or the robot no humanoid.
     """
     in_step = motion.at_source_time(trajectory.source_time, trajectory.fps)
+    if trajectory.scene is not None:
+        in_step = among_placed(in_step, robot, trajectory.scene, overrides)
     return describe(in_step, robot, fps=trajectory.fps, overrides=overrides)
 
 

@@ -20,6 +20,7 @@ from robot_retarget.graph.kinds import clip_kinds
 from robot_retarget.graph.kinds.own import End
 from robot_retarget.graph.path import pelvis_path
 from robot_retarget.graph.phase import UnbalancedPhase
+from robot_retarget.graph.placed_scene import captured_scene
 from robot_retarget.graph.role import STEP, Role
 from robot_retarget.graph.track import Track, frame_costs
 from robot_retarget.graph.weights import REFERENCE_FPS, Weights
@@ -203,6 +204,19 @@ def among(motion: Motion, scene: Scene | str | Path | None, scale: float | None 
         around = scene if isinstance(scene, Scene) else read_scene(scene)
         return motion.with_scene(around if scale is None else replace(around, scale=scale))
     return motion if motion.scene is None or scale is None else rescaled(motion, scale)
+
+
+def among_placed(motion: Motion, robot: Robot, placed: Scene, overrides: str | Path | None = None) -> Motion:
+    """Return a motion with bodies around it that a graph of it places where they are around a robot.
+
+    Args:
+        motion: the human at the frames of a trajectory, from its first on.
+        robot: the robot of the trajectory.
+        placed: the bodies of the trajectory.
+        overrides: a map file, as `describe` takes it.
+    """
+    bare = replace(motion, scene=None)
+    return replace(bare, scene=captured_scene(placed, bare, match(bare, robot, overrides)))
 
 
 def at_rate(motion: Motion, fps: float | None) -> Motion:

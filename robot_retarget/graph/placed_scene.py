@@ -17,9 +17,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.graph.path import root_scaling_of
-from robot_retarget.human.features import HumanFeatures
+from robot_retarget.graph.path import RootScaling, root_scaling_of
+from robot_retarget.human.features import HumanFeatures, features_of
 from robot_retarget.human.match import Match
+from robot_retarget.human.motion import Motion
 from robot_retarget.robot import Robot
 from robot_retarget.robot.body_distances import RobotAmongBodies
 from robot_retarget.scene.scene import RigidBody, Scene, world_corners
@@ -103,6 +104,26 @@ def placed_scene(human: HumanFeatures, match: Match) -> PlacedScene | None:
     sized = replace(scene, bodies=tuple(replace(body, shape=body.shape.scaled(size)) for body in scene.bodies))
     lifts = np.array([_lift(body) for body in scene.bodies])
     return PlacedScene(sized, size, known.ratio, known.origin[:2], lifts).moved(scene)
+
+
+def captured_scene(placed: Scene, motion: Motion, match: Match) -> Scene:
+    """Return the bodies of a trajectory in the world of its human: the inverse of `placed_scene`.
+
+    Args:
+        placed: bodies around the robot, fixed or with a pose at every frame of the motion.
+        motion: the human at the frames of the trajectory.
+        match: keypoints of both.
+    """
+    known = root_scaling_of(features_of(replace(motion, scene=None), match), match)
+    size = known.ratio if placed.scale is None else placed.scale
+    return replace(placed, bodies=tuple(_captured(body, known, size) for body in placed.bodies))
+
+
+def _captured(body: RigidBody, known: RootScaling, size: float) -> RigidBody:
+    poses = body.poses.copy()
+    poses[..., 2] -= (size - known.ratio) * _lift(body) / size
+    poses[..., :3] = poses[..., :3] / known.ratio + [*known.origin[:2], 0.0]
+    return replace(body, poses=poses, shape=body.shape.scaled(1 / size))
 
 
 def _lift(body: RigidBody) -> float:

@@ -106,7 +106,7 @@ class RobotAmongBodies:
             links: bodies of the robot's model, some with geoms.
             face: a point (3,) [m] and the outward unit normal (3,).
         """
-        self._place(qpos, poses)
+        self.place(qpos, poses)
         place, normal = face
         turn = np.empty(4)
         mujoco.mju_quatZ2Vec(turn, normal)
@@ -129,7 +129,7 @@ class RobotAmongBodies:
         return place, slope
 
     def _measured(self, qpos: Floats, poses: Floats, reach: float) -> BodyDistances:
-        self._place(qpos, poses)
+        self.place(qpos, poses)
         data = self.data
         turn = data.geom_xmat[self._body_geoms].reshape(-1, 3, 3)
         way = data.geom_xpos[self._geoms][:, None] - data.geom_xpos[self._body_geoms]
@@ -137,7 +137,8 @@ class RobotAmongBodies:
         near = np.sqrt((out * out).sum(axis=2)) - self._radii < reach
         return self._rows(np.argwhere(near).tolist(), reach)
 
-    def _place(self, qpos: Floats, poses: Floats) -> None:
+    def place(self, qpos: Floats, poses: Floats) -> None:
+        """Put the robot and the bodies where a configuration (nq,) and poses (B, 7) have them."""
         key = qpos.tobytes() + poses.tobytes()
         if key == self._placed:
             return
@@ -163,3 +164,26 @@ class RobotAmongBodies:
             mujoco.mj_jac(self.model, self.data, jacobian, None, place, int(self.model.geom_bodyid[self._geoms[k]]))
             slope[row] = normal[row] @ jacobian
         return BodyDistances(distance, self._links[geoms], np.array(self._bodies)[bodies], normal, slope)
+
+
+class BodyPairs:
+    """Distances of the P pairs of a link and a body of a scene, as `distances.LinkDistances` of links."""
+
+    def __init__(self, robot: Robot, scene: Scene, reach: float):
+        """Measure distances up to `reach` [m]; farther pairs are reported at `reach`."""
+        self.reach, self._among, self._links = reach, RobotAmongBodies(robot, scene), list(solid_geoms(robot))
+        self._column = {link: k for k, link in enumerate(self._links)}
+        names = [robot.model.body(link).name for link in self._links]
+        self.names: list[tuple[str, str]] = [(link, body) for body in scene.names for link in names]
+        """Names of the link and the body of every pair."""
+
+    def at(self, qpos: Floats, poses: Floats) -> Floats:
+        """Return the distances (P,) at a configuration (nq,) and poses (B, 7) of the bodies [m], negative inside."""
+        near, found = self._among.near(qpos, poses, self.reach), np.full(len(self.names), self.reach)
+        columns = near.bodies * len(self._links) + [self._column[link] for link in near.links.tolist()]
+        np.minimum.at(found, columns.astype(int), near.distance)
+        return found
+
+    def along(self, path: Floats, poses: Floats) -> Floats:
+        """Return the distances (T, P) at configurations (T, nq) and poses (T, B, 7) [m]."""
+        return np.array([self.at(*each) for each in zip(path, poses, strict=True)]).reshape(-1, len(self.names))

@@ -23,9 +23,13 @@ FIELDS = {
     "scene_faces": Field("integer", ("F", 3), required=False),
     "scene_heights": Field("number", ("H",), required=False),
     "scene_counts": Field("integer", ("B", 4), required=False),
+    "scene_scale": Field("number", bounds=(0, np.inf), required=False),
 }
 """Of the trajectory file: per body its name, shape, edges [m], poses, whether it is fixed, mass [kg] and friction; the vertices,
-faces and heights of all bodies one after the other, and per body the numbers of vertices, faces, rows and columns."""
+faces and heights of all bodies one after the other, and per body the numbers of vertices, faces, rows and columns; and the size over
+the captured one, 0 or none of bodies that are scaled with the human."""
+OPTIONAL = ("scene_scale",)
+"""Fields that older files lack."""
 
 
 def arrays_of(scene: Scene, frames: int) -> dict[str, Any]:
@@ -43,6 +47,7 @@ def arrays_of(scene: Scene, frames: int) -> dict[str, Any]:
         "scene_faces": np.concatenate([np.zeros((0, 3), np.int64), *(shape.faces for shape in shapes)]),
         "scene_heights": np.concatenate([np.zeros(0), *(shape.heights.ravel() for shape in shapes)]),
         "scene_counts": np.array([[len(s.vertices), len(s.faces), *s.heights.shape] for s in shapes]).reshape(-1, 4),
+        "scene_scale": scene.scale or 0.0,
     }
 
 
@@ -54,7 +59,7 @@ def scene_from(values: Mapping[str, Any]) -> Scene | None:
     """
     if "scene_names" not in values:
         return None
-    missing = next((name for name in FIELDS if name not in values), None)
+    missing = next((name for name in FIELDS if name not in (*values, *OPTIONAL)), None)
     if missing is not None:
         raise SceneError(f"no key {missing!r}, which belongs to a scene")
     counts, poses = values["scene_counts"], np.asarray(values["scene_poses"], float)
@@ -64,7 +69,8 @@ def scene_from(values: Mapping[str, Any]) -> Scene | None:
     ]:
         raise SceneError("scene_counts does not fit the vertices, faces and heights")
     shapes = [_shape(values, k, starts[k], counts[k]) for k in range(len(counts))]
-    return Scene(tuple(_body(values, poses, k, shape) for k, shape in enumerate(shapes)))
+    bodies = tuple(_body(values, poses, k, shape) for k, shape in enumerate(shapes))
+    return Scene(bodies, scale=float(values.get("scene_scale", 0.0)) or None)
 
 
 def _numbers(counts: np.ndarray) -> np.ndarray:

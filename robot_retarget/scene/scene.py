@@ -144,6 +144,18 @@ def interpolated(poses: Floats, frames: Floats) -> Floats:
     return np.concatenate([places, turns.as_quat(scalar_first=True)], axis=1)
 
 
+def extrapolated(before: Floats, now: Floats, steps: Floats) -> Floats:
+    """Return poses (N, B, 7) of bodies that continue with the step from poses `before` to `now` (B, 7), `steps` (N,) from now."""
+    first, last = (Rotation.from_quat(np.array(poses[:, 3:]), scalar_first=True) for poses in (before, now))
+    way, turn = now[:, :3] - before[:, :3], (last * first.inv()).as_rotvec()
+    places = now[:, :3] + steps[:, None, None] * way
+    turned = (
+        Rotation.from_rotvec((steps[:, None, None] * turn).reshape(-1, 3)).as_matrix().reshape(len(steps), -1, 3, 3)
+    )
+    turns = Rotation.from_matrix((turned @ last.as_matrix()).reshape(-1, 3, 3)).as_quat(scalar_first=True)
+    return np.concatenate([places, turns.reshape(len(steps), -1, 4)], axis=2)
+
+
 def composed(outer: Floats, inner: Floats) -> Floats:
     """Return the poses (…, 7) of bodies with poses `inner` relative to frames with poses `outer`."""
     shape = np.broadcast_shapes(outer.shape, inner.shape)

@@ -46,16 +46,19 @@ class Measure:
     """Whether it compares with a human motion."""
     feet: bool = False
     """Whether it needs recognised feet."""
+    scene: bool = False
+    """Whether it needs bodies around the robot."""
 
     def values(self, subject: Subject) -> dict[str, Value]:
         """The figures by name; all None without the motion or feet that they need."""
         lacking = (self.human and subject.compared is None) or (self.feet and not subject.soles)
+        lacking |= self.scene and subject.trajectory.scene is None
         found = (None,) * len(self.figures) if lacking else self.of(subject)
         return {figure.name: figure.rounded(value) for figure, value in zip(self.figures, found, strict=True)}
 
 
 def measures(
-    *figures: Figure, human: bool = False, feet: bool = False
+    *figures: Figure, human: bool = False, feet: bool = False, scene: bool = False
 ) -> Callable[[Callable[[Subject], tuple[Value, ...]]], Measure]:
     """Return the decorator that makes a `Measure` of the function which returns the values of some figures."""
-    return lambda of: Measure(figures, of, human, feet)
+    return lambda of: Measure(figures, of, human, feet, scene)

@@ -6,11 +6,14 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from robot_retarget.errors import MatchError
-from robot_retarget.human.match import read_map
+from robot_retarget.graph.describe import among_placed
+from robot_retarget.human.features import HumanFeatures, features_of
+from robot_retarget.human.match import match, read_map
 from robot_retarget.motion import Motion, as_motion
 from robot_retarget.notebook import card
 from robot_retarget.robot import Robot
 from robot_retarget.robot.played import Retargeted, on_robot
+from robot_retarget.score.bodies import notes_of
 from robot_retarget.score.figure import Value
 from robot_retarget.score.pair import body_of, pair_of
 from robot_retarget.score.soles import soles_of
@@ -78,15 +81,16 @@ def score(
     if motion is None and not isinstance(trajectory, Trajectory | str | Path):
         motion = trajectory.source
     human = None if motion is None else as_motion(motion, repair=False)
-    subject, notes = subject_of(played, model, human, read_map(Path(overrides)) if overrides else {})
+    subject, notes = subject_of(played, model, human, overrides)
     figures = {name: value for measure in MEASURES for name, value in measure.values(subject).items()}
-    return Score(figures, model.name, played.source, len(played), played.fps, notes)
+    return Score(figures, model.name, played.source, len(played), played.fps, (*notes, *notes_of(subject)))
 
 
 def subject_of(
-    trajectory: Trajectory, robot: Robot, motion: Motion | None, tables: Mapping[str, Mapping[str, Any]]
+    trajectory: Trajectory, robot: Robot, motion: Motion | None, overrides: str | Path | None = None
 ) -> tuple[Subject, tuple[str, ...]]:
     """The trajectory with the recognised keypoints and soles, and notes."""
+    tables = read_map(Path(overrides)) if overrides else {}
     notes = [f"self-penetration: {_collision_model(robot)}"]
     try:
         body = body_of(robot, tables.get("robot", {}))
@@ -95,7 +99,17 @@ def subject_of(
             raise
         return Subject(trajectory, robot), (*notes, "no humanoid: figures of feet are left out")
     pair = None if motion is None else pair_of(trajectory, robot, motion, body, tables.get("human", {}))
-    return Subject(trajectory, robot, soles_of(robot, body.anatomy), pair), tuple(notes)
+    around = None if motion is None else _among(trajectory, robot, motion, overrides)
+    return Subject(trajectory, robot, soles_of(robot, body.anatomy), pair, body.anatomy, around), tuple(notes)
+
+
+def _among(trajectory: Trajectory, robot: Robot, motion: Motion, overrides: str | Path | None) -> HumanFeatures | None:
+    """Return the human at the frames of a trajectory among its bodies; None without bodies."""
+    if trajectory.scene is None:
+        return None
+    in_step = motion.at_source_time(trajectory.source_time, trajectory.fps)
+    placed = among_placed(in_step, robot, trajectory.scene, overrides)
+    return features_of(placed, match(placed, robot, overrides))
 
 
 def _collision_model(robot: Robot) -> str:

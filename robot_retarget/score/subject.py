@@ -6,17 +6,22 @@ from functools import cached_property
 import numpy as np
 from scipy.ndimage import median_filter
 
-from robot_retarget.arrays import Bools, Floats
-from robot_retarget.robot import Points, Robot, world_points
+from robot_retarget.arrays import Bools, Floats, Ints
+from robot_retarget.human.features import HumanFeatures
+from robot_retarget.robot import Anatomy, Points, Robot, world_points
+from robot_retarget.robot.body_distances import BodyPairs
 from robot_retarget.robot.contacts import replay_contacts
 from robot_retarget.robot.dynamics import required_forces
 from robot_retarget.robot.feet import feet_of
+from robot_retarget.robot.geoms import solid_geoms
 from robot_retarget.robot.stance import SMOOTH
 from robot_retarget.robot.timing import joint_velocities
 from robot_retarget.score.pair import Pair
 from robot_retarget.score.soles import Foot, foot_of
 from robot_retarget.trajectory import Trajectory
 
+FAR = 0.05
+"""Links that are farther from a body do not touch it [m]."""
 OVERLAP = 1e-3
 """Overlaps of links up to this depth are the softness of a touch [m]."""
 SLOW = 0.2
@@ -43,6 +48,10 @@ class Subject:
     """Left and right; empty for a robot without recognised feet."""
     compared: Pair | None = None
     """The keypoints of human and robot; None without a human motion."""
+    anatomy: Anatomy | None = None
+    """The recognised parts of the robot; None if it is no humanoid."""
+    around: HumanFeatures | None = None
+    """The human among the bodies of the trajectory; None without a human motion or bodies."""
 
     @property
     def pair(self) -> Pair:
@@ -57,6 +66,19 @@ class Subject:
     def fps(self) -> float:
         """Frames per second [1/s]."""
         return self.trajectory.fps
+
+    @cached_property
+    def body_links(self) -> Ints:
+        """(L,) links that bodies around the robot may touch."""
+        return np.array(list(solid_geoms(self.robot)))
+
+    @cached_property
+    def body_distances(self) -> Floats:
+        """(T, B, L) distances of links from the bodies around, at most `FAR` [m]."""
+        scene, qpos = self.trajectory.scene, self.trajectory.qpos
+        assert scene is not None
+        pairs = BodyPairs(self.robot, scene, FAR)
+        return pairs.along(qpos, scene.poses(len(qpos))).reshape(len(qpos), len(scene), -1)
 
     @cached_property
     def angles(self) -> Floats:

@@ -1,6 +1,6 @@
 """The one table of figures; a new figure is a function with the decorator `measures` and a line here."""
 
-from robot_retarget.score import distances, feet, joints, limbs, omniretarget, physics
+from robot_retarget.score import bodies, distances, feet, joints, limbs, omniretarget, physics
 from robot_retarget.score.figure import Figure, Measure
 
 MEASURES: tuple[Measure, ...] = (
@@ -8,6 +8,8 @@ MEASURES: tuple[Measure, ...] = (
     limbs.twist,
     distances.distances,
     distances.contacts,
+    bodies.touches,
+    bodies.kept,
     joints.self_penetration,
     feet.skate,
     feet.ground,

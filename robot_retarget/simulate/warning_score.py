@@ -17,7 +17,11 @@ LATE = 0.25
 def warning_score(warnings: Warnings, contacts: Contacts, times: np.ndarray, robot: Robot) -> dict[str, Any]:
     """Count contacts (self-contacts `contacts` at `times` of their frames) and warnings against each other."""
     happened = touches(contacts, times, robot)
-    warned = [(frozenset(e.pair), e.first_warning / warnings.fps, e.last / warnings.fps) for e in warnings.events]
+    links = {robot.model.body(body).name for body in range(robot.model.nbody)}
+    events = [
+        event for event in warnings.events if links.issuperset(event.pair)
+    ]  # bodies of a scene are no self-contact
+    warned = [(frozenset(e.pair), e.first_warning / warnings.fps, e.last / warnings.fps) for e in events]
     leads, fulfilled = [], set()
     for pair, start in happened:
         before = [k for k, (p, since, last) in enumerate(warned) if p == pair and since <= start <= last + LATE]

@@ -11,11 +11,15 @@ from robot_retarget.arrays import Floats, Ints
 from robot_retarget.collision.warn import Warnings
 from robot_retarget.errors import MatchError
 from robot_retarget.keypoints import parents_within
+from robot_retarget.robot.body_distances import RobotAmongBodies
 from robot_retarget.robot.geoms import collision_geoms
 from robot_retarget.robot.kinematics import world_points
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.recognise import recognise
 from robot_retarget.robot.stance import Stance
+from robot_retarget.scene.geoms import PREFIX, moving_bodies, place_bodies
+from robot_retarget.scene.scene import Scene
+from robot_retarget.view.staging import Staging
 
 PAIRS = 12
 """Number of pairs of links that are shown, the nearest first."""
@@ -105,26 +109,32 @@ class NearestPairs:
     """(T, P, 2, 3) the nearest points of their surfaces, NaN if they are far apart [m]."""
 
 
-def near_pairs(robot: Robot, qpos: Floats, warnings: Warnings, height: float) -> NearestPairs:
+def near_pairs(staging: Staging, warnings: Warnings) -> NearestPairs:
     """Where the surfaces of pairs that come near are nearest to each other, by MuJoCo's distance of geoms.
 
     Pairs that are near most of the time are neighbours by construction; they are shown during warnings only.
 
     Args:
-        height: of the robot [m].
+        staging: of all frames of the warnings.
     """
-    near = warnings.ahead < min(NEAR * height, warnings.reach)
+    robot, qpos, scene = staging.robot, staging.qpos, staging.scene
+    near = warnings.ahead < min(NEAR * staging.height, warnings.reach)
     shown = (near & (near.mean(axis=0) < 0.5)) | warnings.flagged
     columns = np.flatnonzero(shown.any(axis=0))
     columns = columns[np.argsort(warnings.ahead[:, columns].min(axis=0), kind="stable")][:PAIRS]
-    model, data, geoms = robot.model, mujoco.MjData(robot.model), collision_geoms(robot)
-    links = [tuple(model.body(name).id for name in warnings.pairs[column]) for column in columns.tolist()]
+    model = robot.model if scene is None else RobotAmongBodies(robot, scene).model
+    data, around = mujoco.MjData(model), Scene(()) if scene is None else scene
+    moving, poses = moving_bodies(model, around), around.poses(len(qpos))
+    geoms = {robot.model.body(link).name: own for link, own in collision_geoms(robot).items()}
+    geoms |= {name: [model.geom(PREFIX + name).id] for name in around.names}
     ends = np.full((len(qpos), len(columns), 2, 3), np.nan)
     for t in np.flatnonzero(shown[:, columns].any(axis=1)).tolist():
         data.qpos[:] = qpos[t]
+        place_bodies(data, poses[t], moving)
         mujoco.mj_kinematics(model, data)
         for p in np.flatnonzero(shown[t, columns]).tolist():
-            ends[t, p] = _nearest(model, data, *(geoms[link] for link in links[p]))
+            first, second = warnings.pairs[columns[p]]
+            ends[t, p] = _nearest(model, data, geoms[first], geoms[second])
     return NearestPairs(columns, ends)
 
 

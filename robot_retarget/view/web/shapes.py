@@ -1,4 +1,4 @@
-"""What of a robot is seen: its geoms, those of meshes with few enough triangles for a page."""
+"""What is seen of a robot and of the bodies around it: geoms, and meshes with few enough triangles for a page."""
 
 from dataclasses import dataclass
 
@@ -8,6 +8,9 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.robot.model import Robot
+from robot_retarget.scene.geoms import CARTON
+from robot_retarget.scene.scene import Scene
+from robot_retarget.scene.shape import BodyShape, ShapeKind
 from robot_retarget.view.staging import LINK, METAL, height_of, linked, visible
 
 _GEOM = mujoco.mjtGeom
@@ -23,6 +26,8 @@ TRIANGLES = 60_000
 """Largest number of triangles of all meshes of a robot: about one for each pixel that it covers."""
 FEWEST = 40
 """Smallest number of triangles of a simplified mesh."""
+STANDING = (0.62, 0.66, 0.7, 1.0)
+"""Colour of bodies that never move; others have that of `CARTON`."""
 PLAIN = (0.5, 0.5, 0.5, 1.0)
 """MuJoCo's colour of a geom that was given none; its material's counts then."""
 
@@ -60,6 +65,46 @@ def shapes_of(robot: Robot, triangles: int = TRIANGLES) -> list[Shape]:
     share = min(1.0, triangles / max(sum(counts.values()), 1))
     meshes = {g: _thinned(*_mesh(model, g), max(int(share * count), FEWEST)) for g, count in counts.items()}
     return [_shape(model, geom, meshes.get(geom)) for geom in geoms] + _links(robot)
+
+
+def shapes_of_scene(scene: Scene) -> list[Shape]:
+    """The bodies of a scene in their own frames, each under its index; planes are not drawn."""
+    found = []
+    for k, body in enumerate(scene.bodies):
+        if body.shape.kind is not ShapeKind.PLANE:
+            kind, size, mesh = _drawn(body.shape)
+            colour = STANDING if body.fixed else CARTON
+            still = np.zeros(3), np.array([1.0, 0, 0, 0])
+            found.append(Shape(k, kind, np.array(size), *still, np.array(colour), mesh))
+    return found
+
+
+def _drawn(shape: BodyShape) -> tuple[str, list[float], tuple[Floats, Ints] | None]:
+    """Return kind, size as in MuJoCo and mesh of a body's shape."""
+    length, _, height = (shape.size / 2).tolist()
+    match shape.kind:
+        case ShapeKind.MESH:
+            return "mesh", [0.0] * 3, (shape.vertices, shape.faces)
+        case ShapeKind.HEIGHT_FIELD:
+            return "mesh", [0.0] * 3, _field(shape)
+        case ShapeKind.CYLINDER:
+            return "cylinder", [length, height, 0.0], None
+        case ShapeKind.SPHERE:
+            return "sphere", [length, 0.0, 0.0], None
+        case _:
+            return "box", (shape.size / 2).tolist(), None
+
+
+def _field(shape: BodyShape) -> tuple[Floats, Ints]:
+    """Return the surface of a height field as a mesh."""
+    rows, columns = shape.heights.shape
+    x, y = np.meshgrid(
+        *(np.linspace(-edge / 2, edge / 2, n) for edge, n in zip(shape.size, (columns, rows), strict=False))
+    )
+    corner = np.arange(rows * columns).reshape(rows, columns)
+    a, b, c, d = (part.ravel() for part in (corner[:-1, :-1], corner[:-1, 1:], corner[1:, :-1], corner[1:, 1:]))
+    faces = np.concatenate([np.stack([a, b, d], axis=1), np.stack([a, d, c], axis=1)])
+    return np.stack([x, y, shape.heights], axis=2).reshape(-1, 3), faces
 
 
 def _links(robot: Robot) -> list[Shape]:

@@ -10,12 +10,13 @@ from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.stance import Stance, planned_stance
 from robot_retarget.robot.timing import joint_velocities
+from robot_retarget.scene.scene import Scene
 from robot_retarget.simulate.report import Report
 from robot_retarget.view import human
 from robot_retarget.view.staging import Staging, arrange
 from robot_retarget.view.web.layers import anchors, footholds, keypoints_of, near_pairs, outline, runs
 from robot_retarget.view.web.pack import ANGLE, LENGTH, TURN, Packer
-from robot_retarget.view.web.shapes import Shape, shapes_of
+from robot_retarget.view.web.shapes import Shape, shapes_of, shapes_of_scene
 from robot_retarget.view.web.stress import stress_of
 from robot_retarget.view.web.take import Take
 
@@ -46,6 +47,7 @@ def take_header(take: Take, packer: Packer) -> dict[str, Any]:
         "bodies": _bodies(robot, shapes),
         "shapes": [_shape(shape, packer) for shape in shapes],
         "poses": packer.add(poses(robot, staging.qpos, shapes), TURN),
+        "around": _around(staging.scene, len(times), packer) if staging.scene else None,
         "human": _human(take, staging, packer) if figure else None,
         "keypoints": _keypoints(robot, staging.qpos, packer),
         "joints": _joints(take, packer),
@@ -97,6 +99,18 @@ def poses(robot: Robot, qpos: Floats, shapes: list[Shape]) -> Floats:
     places, turns = body_frames(robot, qpos)
     quaternions = Rotation.from_matrix(turns[:, bodies].reshape(-1, 3, 3)).as_quat().reshape(len(qpos), -1, 4)
     return np.concatenate([places[:, bodies], quaternions], axis=2)
+
+
+def _around(scene: Scene, frames: int, packer: Packer) -> dict[str, Any]:
+    """Return names, shapes and poses of the bodies around a robot that are seen."""
+    shapes = shapes_of_scene(scene)
+    seen = _seen(shapes)
+    paths = scene.poses(frames)[:, seen][..., [0, 1, 2, 4, 5, 6, 3]]
+    return {
+        "names": [scene.names[body] for body in seen],
+        "shapes": [_shape(shape, packer) for shape in shapes],
+        "poses": packer.add(paths, TURN),
+    }
 
 
 def _human(take: Take, staging: Staging, packer: Packer) -> dict[str, Any]:
@@ -156,7 +170,7 @@ def _warnings(take: Take, staging: Staging, packer: Packer) -> dict[str, Any]:
     """The nearest pairs by frame, and every warning as a stretch."""
     warnings = take.warnings
     assert warnings is not None
-    near = near_pairs(take.robot, staging.qpos, warnings, staging.height)
+    near = near_pairs(staging, warnings)
     columns = near.columns
     return {
         "pairs": [" – ".join(warnings.pairs[column]) for column in columns.tolist()],

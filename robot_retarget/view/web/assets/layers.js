@@ -5,7 +5,7 @@ import {
   MeshBasicMaterial, Vector3,
 } from "#vendor";
 import { row } from "#data";
-import { Bodies, Human } from "#figures";
+import { Bodies, geometries, Human } from "#figures";
 import { Edges } from "#edges";
 import { Sticks } from "#sticks";
 import { inCm, nearness } from "#words";
@@ -203,6 +203,18 @@ class Near extends Group {
   }
 }
 
+/** The bodies around the robot, with their names. */
+class Around extends Bodies {
+  constructor({ around }) {
+    super(geometries(around), around.poses);
+    this.names = around.names;
+  }
+
+  labels() {
+    return this.children.map((mesh, k) => ({ at: mesh.position.clone(), text: this.names[k], kind: "body" }));
+  }
+}
+
 /** The layers in the order of their keys; `lacks` says why one is not there, `on` whether it is shown at first. */
 export const LAYERS = [
   { id: "robot", name: "Robot", on: true, make: (take, shapes) => new Bodies(shapes, take.poses) },
@@ -217,5 +229,6 @@ export const LAYERS = [
     make: (take, shapes) => new Bodies(shapes, take.report.poses, true),
   },
   { id: "edges", name: "Edges", lacks: (t) => !t.stress?.edges && "no solution was given; the viewer.html of run has it", make: (take) => new Edges(take) },
+  { id: "bodies", name: "Bodies", on: true, lacks: (t) => !t.around && "no scene was given", make: (take) => new Around(take) },
   { id: "before", name: "Before", lacks: (t) => !t.before && "nothing was touched up", make: (take, shapes) => new Bodies(shapes, take.before, true) },
 ];

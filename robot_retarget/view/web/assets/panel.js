@@ -50,7 +50,7 @@ export class Panel {
     LAYERS.forEach(({ id, lacks }, k) => {
       const why = takes.every((take) => lacks?.(take)) && lacks?.(takes[0]);
       this.chips[id].disabled = Boolean(why);
-      this.chips[id].title = why || `key ${k + 1}`;
+      this.chips[id].title = why || (k < 9 ? `key ${k + 1}` : "");
       this.chips[id].classList.toggle("on", this.shown[id] && !why);
       this.casts.forEach((cast) => cast.show(id, this.shown[id]));
     });

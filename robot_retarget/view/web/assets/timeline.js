@@ -16,7 +16,8 @@ function rowsOf(take) {
       const hit = { from: second(touch), to: second(last + 1), kind: "touch", said: `${said}, touches ${lead.toFixed(2)} s later` };
       return touch === null ? [warned] : [warned, hit];
     });
-    rows.push({ name: bars.length ? "self-contact" : "no self-contact", bars });
+    const what = take.around ? "contact" : "self-contact"; // links meet bodies too
+    rows.push({ name: bars.length ? what : `no ${what}`, bars });
   }
   if (Number.isFinite(report?.fall)) {
     rows.push({ name: "falls", bars: [{ from: report.fall, to: Infinity, kind: "touch", said: `falls at ${report.fall.toFixed(2)} s` }] });
