@@ -33,7 +33,7 @@ def test_a_transfer_to_the_robot_itself_is_the_identity(name: str, clip: str, mo
 def test_a_walk_is_the_identity_but_at_the_edges_of_stances(walk: rr.Trajectory) -> None:
     robot = rr.load_robot("g1_class")
     off = np.abs(rr.transfer(walk, robot, robot).trajectory.qpos[:, 7:] - walk.qpos[:, 7:]).max(axis=1)
-    assert np.median(off) < 4e-4 and off.max() < 2e-3
+    assert np.median(off) < 2e-4 and off.max() < 2e-3
 
 
 def test_keypoints_of_the_performer_are_where_mujoco_puts_them(walk: rr.Trajectory) -> None:

@@ -41,8 +41,11 @@ class FootholdKind(Kind):
     tilting: float = 20.0
     """π normal to the floor for soles that fewer than six hinges cannot lay flat anywhere, over the leg [-]."""
 
-    lands_early: bool = True
-    """Whether feet without balance land a frame before their stance, in whose first frame a human's foot still slides."""
+    known: bool = False
+    """Whether stances are known exactly, as a robot's are; a human's foot still slides in the first frame of its stance, so feet
+    without balance land a frame earlier."""
+    met: float = 1e-3
+    """A known stance keeps its place if the coarse path, a spline between moments, comes nearer [m]."""
     backlash: float = 0.1
     """A foot that stands turns with the human's where that heads away by more [rad] ..."""
     pivots: bool = False
@@ -100,7 +103,7 @@ class FootholdKind(Kind):
                 return replace(track, lower=phase.soles, upper=phase.soles, priority=phase.grip)
             case UnbalancedPhase():
                 pivots = replace(self, pivots=True)
-                return replace(self._landed(track) if self.lands_early else track, kind=pivots)
+                return replace(track if self.known else self._landed(track), kind=pivots)
             case CoarsePhase():
                 return self._flat(track)
             case SolvedPhase() if measured is not None:
@@ -110,7 +113,7 @@ class FootholdKind(Kind):
 
     def for_robot(self) -> "FootholdKind":
         """Return the kind for stances that are known exactly."""
-        return replace(self, lands_early=False)
+        return replace(self, known=True)
 
     def _landed(self, track: Track) -> Track:
         """Return targets of feet that land a frame earlier, so that they do not slide into place as they begin to stand."""
@@ -142,6 +145,9 @@ class FootholdKind(Kind):
             away = np.linalg.norm((corners - places)[..., :2], axis=-1).mean(axis=2)
             held = without_unreachable(planned, away, phase.unreached, fixed)
             places = _places(held, corners, fixed, planes, headings)
+        if self.known:
+            nears = np.abs(places - plan).max(axis=(2, 3)) < self.met
+            places[nears] = plan[nears]
         places = places.reshape(measured.shape)
         priority = self._freed(track.priority.reshape(*held.shape, len(AXES)), planned & ~held)
         return replace(track, lower=places, upper=places, priority=priority.reshape(measured.shape))
