@@ -11,7 +11,7 @@ from pathlib import Path
 
 from shared_files import ROOT
 
-ENVIRONMENT = {"PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}", "PATH": "/usr/bin:/bin", "HOME": "/tmp"}
+ENVIRONMENT = {"PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}", "PATH": "/usr/bin:/bin", "HOME": "/tmp", "CC": ""}
 
 
 @cache

@@ -10,6 +10,7 @@ lists these libraries, so a later process loads them without building.
 """
 
 import hashlib
+import os
 import platform
 import re
 import shutil
@@ -30,14 +31,14 @@ LISTED = re.compile(r"([0-9a-f]{64}) (\w+)")
 
 
 def machine_code(function: ca.Function) -> ca.Function | None:
-    """Compile the function with the C compiler `cc`, or load the cached library; return None if that fails."""
+    """Compile the function with the C compiler `$CC`, by default `cc`, or load the cached library; return None if that fails."""
     library = library_of(function)
     return None if library is None else loaded(function.name(), library)
 
 
 def library_of(function: ca.Function) -> Path | None:
-    """Return the library of the function's machine code, compiled with `cc` or cached; None if that fails."""
-    compiler = shutil.which("cc")
+    """Return the library of the function's machine code, compiled or cached; None if that fails."""
+    compiler = shutil.which(os.environ.get("CC", "cc"))
     if compiler is None:
         return None
     try:

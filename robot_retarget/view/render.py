@@ -28,11 +28,13 @@ class Finish(NamedTuple):
     """Per pixel, at most; 0 for one."""
     shadows: int
     """Width of the shadow map [pixels]."""
+    slices: int
+    """Of a turn of a sphere or cylinder; half as many along its axis."""
 
 
-STILL = Finish(samples=4, shadows=2048)
-MOVING = Finish(samples=0, shadows=1024)
-"""Half the cost: in a film that is pressed as video, edges blur anyway."""
+STILL = Finish(samples=4, shadows=2048, slices=28)
+MOVING = Finish(samples=0, shadows=1024, slices=16)
+"""A fifth of the cost: in a film that is pressed as video, edges blur anyway."""
 
 
 class Stage:
@@ -118,7 +120,8 @@ def _scenery(staging: Staging, width: int, height: int, finish: Finish) -> mujoc
     model.stat.extent, model.stat.center[:] = staging.height, [0, 0, staging.height / 2]
     vis = model.vis
     vis.global_.fovy, vis.global_.offwidth, vis.global_.offheight = FIELD_OF_VIEW, width, height
-    vis.quality.offsamples, vis.quality.shadowsize = finish
+    vis.quality.offsamples, vis.quality.shadowsize, vis.quality.numslices = finish
+    vis.quality.numstacks = finish.slices // 2
     vis.map.znear, vis.map.zfar, vis.map.shadowclip = 0.05, 60, 2.0
     vis.headlight.ambient[:], vis.headlight.diffuse[:], vis.headlight.specular[:] = 0.38, 0.28, 0.05
     return model
