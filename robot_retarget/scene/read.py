@@ -8,7 +8,7 @@ from robot_retarget.scene.scene import Scene
 
 READERS = {".toml": toml_scene.read, ".xml": mjcf.read, ".urdf": mjcf.read}
 """By the ending of the file name."""
-POSES = (".npz", ".pt", ".csv")
+POSES = (".npz", ".pt", ".pkl", ".p", ".csv")
 """Endings of files that hold poses without shapes."""
 
 

@@ -39,7 +39,7 @@ REFUSED = {
     BOX + "quaternion = 1": "quaternion has 4 numbers w x y z",
     BOX + 'quaternion = ["a", 0, 0, 0]': "quaternion has 4 numbers w x y z",
     BOX + 'poses = "none.npz"': "no such file",
-    BOX + 'poses = "scene.toml"': "known: .npz, .pt, .csv",
+    BOX + 'poses = "scene.toml"': r"known: \.npz, \.pt",
     BOX + 'poses = "unsaid.npz"': "order of its quaternions",
     BOX + 'poses = "unsaid.npz"\norder = "zyxw"': "known: wxyz, xyzw",
     BOX + 'poses = "text.npz"\norder = "wxyz"': "poses must be numbers",

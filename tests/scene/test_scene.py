@@ -1,5 +1,6 @@
 """Bodies around a human: read from files of several programs, brought to the frames of a motion, measured by MuJoCo."""
 
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -115,6 +116,16 @@ def test_rows_of_omomo_hold_a_human_and_a_body(tmp_path: Path) -> None:
     angles = Rotation.from_quat(poses[:, 3:], scalar_first=True).as_rotvec()
     np.savez(tmp_path / "object.npz", trans=poses[:, :3], angles=angles, fps=30.0)
     body = rr.read_scene(written(tmp_path, CRATE.replace("take.csv", "object.npz"))).bodies[0]
+    np.testing.assert_allclose(composed(body.poses, FAR), composed(poses, FAR), atol=1e-9)
+
+
+@pytest.mark.parametrize("key", ["obj_rot", "obj_rot_mat"])
+def test_a_pickle_of_omomo_holds_places_and_matrices(key: str, tmp_path: Path) -> None:
+    poses = path(50, 30.0)
+    turns = Rotation.from_quat(poses[:, 3:], scalar_first=True).as_matrix()
+    with (tmp_path / "clip.pkl").open("wb") as file:
+        pickle.dump({"seq_name": "sub1_box", "obj_trans": poses[:, :3, None], key: turns}, file)
+    body = rr.read_scene(written(tmp_path, CRATE.replace("take.csv", "clip.pkl"))).bodies[0]
     np.testing.assert_allclose(composed(body.poses, FAR), composed(poses, FAR), atol=1e-9)
 
 

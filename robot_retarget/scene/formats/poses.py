@@ -1,5 +1,6 @@
 """Poses of a body over time from files of other programs: OMOMO, InterMimic, OmniRetarget, OptiTrack."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -64,9 +65,12 @@ def _motive(file: Path, name: str, order: str | None) -> PoseTable:
     return PoseTable(poses, fps, "y", unit)
 
 
-def _rows(file: Path, name: str, order: str | None) -> PoseTable:
-    """The object's pose in InterMimic's rows, at the 30 frames a second of that data."""
+def _pickled(file: Path, name: str, order: str | None) -> PoseTable:
+    """Poses in named arrays, or the object's pose in InterMimic's rows, at the 30 frames a second of that data."""
     rows = load_pickle(file)
+    if isinstance(rows, dict):
+        arrays = {key: value for key, value in rows.items() if isinstance(key, str) and isinstance(value, np.ndarray)}
+        return _named(file, arrays, order)
     if not isinstance(rows, np.ndarray) or rows.ndim != 2 or rows.shape[1] < INTERMIMIC.stop:
         raise SceneError(
             f"{file}: expected rows of at least {INTERMIMIC.stop} numbers, as InterMimic's OMOMO files have"
@@ -74,20 +78,23 @@ def _rows(file: Path, name: str, order: str | None) -> PoseTable:
     return PoseTable(_ordered(rows[:, INTERMIMIC].astype(float), "xyzw"), 30.0)
 
 
-def _arrays(file: Path, name: str, order: str | None) -> PoseTable:
-    """Poses in named arrays: `poses`; OMOMO's and InterMimic's `trans` and `angles` or `obj_trans` and `obj_rot`; the
-    last columns of OmniRetarget's `qpos`."""
-    arrays = load_npz(file)
+def _archive(file: Path, name: str, order: str | None) -> PoseTable:
+    return _named(file, load_npz(file), order)
+
+
+def _named(file: Path, arrays: Mapping[str, np.ndarray], order: str | None) -> PoseTable:
+    """Poses in named arrays: `poses`; `trans` and `angles` of InterAct; `obj_trans` and `obj_rot` or `obj_rot_mat` of OMOMO and
+    CHOIS; the last columns of OmniRetarget's `qpos`."""
     fps = rate_of(arrays)
     for key in POSE_KEYS:
         if key in arrays:
             return PoseTable(_ordered(shaped(arrays[key], (None, 7), key), order, f"{file}: {key}"), fps)
-    for place, turn in (("trans", "angles"), ("obj_trans", "obj_rot")):
+    for place, turn in (("trans", "angles"), ("obj_trans", "obj_rot"), ("obj_trans", "obj_rot_mat")):
         if place in arrays and turn in arrays:
             return PoseTable(_turning(arrays[place], arrays[turn], place, turn), fps)
     if "qpos" in arrays and np.ndim(arrays["qpos"]) == 2 and arrays["qpos"].shape[1] > 2 * ROBOT:
         return PoseTable(np.asarray(arrays["qpos"][:, -ROBOT:], float), fps)
-    wanted = (*POSE_KEYS, "trans + angles", "obj_trans + obj_rot", "qpos with an object")
+    wanted = (*POSE_KEYS, "trans + angles", "obj_trans + obj_rot", "obj_trans + obj_rot_mat", "qpos with an object")
     raise SceneError(f"{file}: no poses of a body among {', '.join(arrays) or 'nothing'}; {known(wanted)}")
 
 
@@ -101,7 +108,7 @@ def _turning(places: np.ndarray, turns: np.ndarray, place: str, turn: str) -> Fl
     return np.concatenate([where, made.as_quat(scalar_first=True)], axis=1)
 
 
-READERS = {".npz": _arrays, ".pt": _rows, ".csv": _motive}
+READERS = {".npz": _archive, ".pt": _pickled, ".pkl": _pickled, ".p": _pickled, ".csv": _motive}
 """By the ending of the file name."""
 
 
