@@ -24,8 +24,8 @@ from robot_retarget.scene.shape import ShapeKind
 FINGERS = 0.055
 """A hand with finger joints touches within this distance of one of them, over the leg [-] ..."""
 FLESH = {"hand": 0.11, "elbow": 0.07, "knee": 0.09, "pelvis": 0.16, "toe": 0.07}
-"""... and other parts within these distances of their joint; a hand without finger joints ends a palm's length from the wrist
-[-]."""
+"""... and other parts within these distances of their joint; a hand without finger joints ends a palm's length from its wrist, or
+a finger's length from its knuckles [-]."""
 ARRIVED = 0.02
 """A touch begins and ends where the part is no farther than this beyond its median distance, over the leg [-]."""
 SLIDES = 0.07
@@ -128,7 +128,7 @@ class TouchProbe:
         ]
         self.pairs = tuple((part, b) for part in self._parts for b in self._solid)
         below = {part: _below(skeleton, match, part) for part in self._parts if part.endswith("_hand")}
-        self._fingers = {part: joints for part, joints in below.items() if len(joints) > 1}
+        self._fingers = {part: joints for part, joints in below.items() if joints}
         feet = tuple(f"{side}_{part}" for side in "lr" for part in ("toe", "ankle"))
         self._feet = tuple(keypoint for keypoint in feet if keypoint in match.keypoints)
 
@@ -146,8 +146,9 @@ class TouchProbe:
         flesh = leg * np.array([FLESH[part.split("_")[-1]] for part in self._parts])
         away = distance - flesh[:, None]
         for part, fingers in self._fingers.items():
-            least = self._model.nearest(joints[:, fingers], poses, FAR)[0].min(axis=1)
-            away[:, self._parts.index(part)] = least[:, self._solid] - FINGERS * leg
+            least, k = self._model.nearest(joints[:, fingers], poses, FAR)[0].min(axis=1), self._parts.index(part)
+            knuckles = np.minimum(away[:, k], least[:, self._solid] - flesh[k])
+            away[:, k] = least[:, self._solid] - FINGERS * leg if len(fingers) > 1 else knuckles
         turn = Rotation.from_quat(poses[:, self._solid, 3:].reshape(-1, 4), scalar_first=True).as_matrix()
         turn = turn.reshape(frames, 1, len(self._solid), 3, 3)
         places = np.einsum("tkbji,tkbj->tkbi", turn, surface - poses[:, None, self._solid, :3])

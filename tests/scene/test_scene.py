@@ -11,6 +11,9 @@ from scene_files import CLIP, CRATE, CUBE, FAR, boxed, optitrack, path, written
 from scipy.spatial.transform import Rotation
 
 import robot_retarget as rr
+from robot_retarget.human.features import features_of
+from robot_retarget.human.match import match
+from robot_retarget.human.touches import FLESH
 from robot_retarget.scene.geoms import SceneModel
 from robot_retarget.scene.scene import RigidBody, Scene, composed
 from robot_retarget.scene.shape import height_field
@@ -76,6 +79,20 @@ def test_heights_are_those_of_the_surface_under_a_point() -> None:
     np.testing.assert_allclose(height, [[0.4, 0.0, 0.25, 0.375, 0.575]], atol=1e-6)
     np.testing.assert_allclose(normal[0, 2], np.array([-0.5, 0, 1]) / np.hypot(0.5, 1), atol=1e-6)
     assert body.tolist() == [[0, -1, 1, 1, 2]]
+
+
+def test_a_hand_touches_by_its_knuckles() -> None:
+    """The hand hangs over a box that is out of the wrist's reach."""
+    wrist, end = (CLIP.positions[0, CLIP.skeleton.names.index(f"LeftWrist{part}")] for part in ("", "_end"))
+    matched = match(CLIP, rr.load_robot("op3"))
+    assert wrist[2] - end[2] + 0.04 > FLESH["hand"] * matched.human_leg
+    touched = {}
+    for gap in (0.04, 0.2):
+        below = np.array([*end[:2], end[2] - gap - 0.2, 1.0, 0, 0, 0])
+        around = features_of(CLIP.with_scene(boxed(below)), matched).around
+        assert around is not None
+        touched[gap] = bool(around.touches.held[:, around.touches.pairs.index(("l_hand", 0))].any())
+    assert touched == {0.04: True, 0.2: False}
 
 
 SIZES = {
