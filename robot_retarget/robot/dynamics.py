@@ -1,4 +1,4 @@
-"""SolidGround reaction and joint torques of a motion: the zero moment point from momenta, torques by inverse dynamics."""
+"""Ground reaction and joint torques of a motion: the zero moment point from momenta, torques by inverse dynamics."""
 
 import copy
 from dataclasses import dataclass
