@@ -1,6 +1,9 @@
 """Box and climb of the public comparison `Arkitect-z/retargeting_comparison`, on the data of the wheel `holosoma-retargeting`.
 
-    pip download --no-deps holosoma-retargeting; unzip it; python scripts/bench/bench_scene.py FOLDER [box|climb] [--frames N]
+    pip download --no-deps holosoma-retargeting; unzip it; python scripts/bench/bench_scene.py FOLDER CASE [--frames N] [--model FILE]
+
+The cases of the comparison are `box` and `climb`; the wheel has a second box and four more climbs. `--model` solves for another robot of the wheel,
+such as models/g1/g1_29dof_spherehand.xml, which OmniRetarget takes for climbs.
 
 A frame touches if the least distance of the robot's solid geoms from the bodies is from −1.1 mm to 2 cm; it penetrates below
 that. Contact within 2 cm alone counts a hand deep inside the box. A foot slips if a sphere of its sole moves farther than
@@ -38,23 +41,28 @@ def without_object(package: Path) -> Path:
     return file
 
 
-def box(package: Path) -> tuple[rr.Motion, float | None]:
-    """Return the carried box: full size, as in the comparison."""
-    clip = package / "demo_data/OMOMO_new/sub3_largebox_003.pt"
+def box(package: Path, name: str) -> tuple[rr.Motion, float | None]:
+    """Return a carried box: full size, as in the comparison."""
+    clip = package / f"demo_data/OMOMO_new/{name}.pt"
     file = package / "box.toml"
     shape = f'model = "{package.resolve()}/models/largebox/largebox.xml"'
     file.write_text(f'[[body]]\nname = "largebox"\n{shape}\nposes = "{clip.resolve()}"\n')
     return rr.read_motion(clip).with_scene(rr.read_scene(file)), 1.0
 
 
-def climb(package: Path) -> tuple[rr.Motion, float | None]:
-    """Return the climb over three blocks, every fourth frame, which are scaled with the human."""
-    folder = (package / "demo_data/climb/mocap_climb_seq_0").resolve()
+def climb(package: Path, name: str) -> tuple[rr.Motion, float | None]:
+    """Return a climb over two or three blocks, every fourth frame, which are scaled with the human."""
+    folder = (package / f"demo_data/climb/{name}").resolve()
     file = package / "climb.toml"
-    body = '[[body]]\nname = "box{0}"\nshape = "mesh"\nfile = "{1}/box_models/box{0}.obj"\n'
-    file.write_text("".join(body.format(k, folder) for k in (1, 2, 3)))
+    body = '[[body]]\nname = "{1.stem}"\nshape = "mesh"\nfile = "{0}/box_models/{1.name}"\n'
+    file.write_text("".join(body.format(folder, path) for path in sorted(folder.glob("box_models/*.obj"))))
     clip = next(folder.glob("*.npy"))
     return rr.read_motion(clip).resample(30).with_scene(rr.read_scene(file)), None
+
+
+CASES = {"box": (box, "sub3_largebox_003"), "box10": (box, "sub10_largebox_049")}
+CASES |= {f"climb{k or ''}": (climb, f"mocap_climb_seq_{k}") for k in range(5)}
+"""Per case its reader, and the clip."""
 
 
 def distances(result: Result) -> tuple[np.ndarray, list[str]]:
@@ -112,13 +120,15 @@ def share(flags: np.ndarray) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("package", type=Path, help="the folder holosoma_retargeting of the unpacked wheel")
-    parser.add_argument("case", choices=("box", "climb"))
+    parser.add_argument("case", choices=CASES)
+    parser.add_argument("--model", type=Path, help="the robot; by default that of the comparison")
     parser.add_argument("--frames", type=int, help="the first N frames alone")
     parser.add_argument("--out", type=Path, help="write the trajectory here")
     given = parser.parse_args()
-    motion, scale = {"box": box, "climb": climb}[given.case](given.package)
+    read, name = CASES[given.case]
+    motion, scale = read(given.package, name)
     motion = motion if given.frames is None else motion.frames(0, given.frames)
-    robot = rr.load_robot(without_object(given.package))
+    robot = rr.load_robot(given.model or without_object(given.package))
     began = time.process_time()
     graph = rr.describe(motion, robot, scene_scale=scale)
     described = time.process_time() - began
