@@ -69,8 +69,8 @@ def _shape(asset: Element, body: RigidBody) -> dict[str, str]:
         case ShapeKind.HEIGHT_FIELD:
             (rows, columns), (low, size) = map(str, shape.heights.shape), field_size(shape)
             elevation = _row(shape.heights[::-1] - low)  # the text has the highest row first
-            facts = {"nrow": rows, "ncol": columns, "size": _row(np.array(size)), "elevation": elevation}
-            SubElement(asset, "hfield", name=name, **facts)
+            facts = {"name": name, "nrow": rows, "ncol": columns, "size": _row(np.array(size)), "elevation": elevation}
+            SubElement(asset, "hfield", facts)
             return {"hfield": name, "pos": _row(np.array([0, 0, low]))}
         case ShapeKind.CYLINDER:
             return {"size": _row(np.array([length / 2, height / 2]))}

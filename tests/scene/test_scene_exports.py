@@ -58,8 +58,8 @@ def same(found: Scene | None, scene: Scene) -> None:
         np.testing.assert_allclose(one.poses[..., :3], other.poses[..., :3], atol=1e-7)
         turns = [Rotation.from_quat(np.atleast_2d(body.poses)[:, 3:], scalar_first=True) for body in (one, other)]
         assert (turns[0] * turns[1].inv()).magnitude().max() < 1e-6
-        corners = [np.sort(body.shape.corners, axis=0) for body in (one, other)]
-        np.testing.assert_allclose(*corners, atol=1e-6)
+        corners, expected = (np.sort(body.shape.corners, axis=0) for body in (one, other))
+        np.testing.assert_allclose(corners, expected, atol=1e-6)
         np.testing.assert_allclose(one.shape.heights, other.shape.heights, atol=1e-6)
         assert one.weight == pytest.approx(other.weight, rel=1e-6) and one.friction == other.friction
 

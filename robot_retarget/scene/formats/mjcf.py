@@ -29,7 +29,7 @@ def read(path: Path) -> Scene:
     geoms = _geoms(model)
     if not geoms.size:
         raise SceneError(f"{path}: every solid geom belongs to a robot: no body is left for a scene")
-    names = [model.geom(g).name or model.body(model.geom_bodyid[g]).name or f"geom {g}" for g in geoms]
+    names = [model.geom(g).name or model.body(int(model.geom_bodyid[g])).name or f"geom {g}" for g in geoms]
     unlike = [f"{name} {count}" if (count := names[: k + 1].count(name)) > 1 else name for k, name in enumerate(names)]
     poses, fps = _poses(model, geoms)
     moves = (model.body_mocapid >= 0) | (model.body_jntnum > 0)
@@ -67,7 +67,7 @@ def _geoms(model: mujoco.MjModel) -> Ints:
     solid_geom = (model.geom_contype | model.geom_conaffinity) != 0
     still = ~np.isin(root[model.geom_bodyid], list(jointed))
     found = np.flatnonzero(solid_geom & (still | (model.geom_bodyid == 0)))
-    marked = np.intersect1d(found, scene_geoms(model))
+    marked = found[np.isin(found, scene_geoms(model))]
     return marked if marked.size else found
 
 
