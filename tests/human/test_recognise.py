@@ -261,6 +261,15 @@ def test_a_heel_beside_the_toes_is_no_toe():
     assert (found["l_toe"], found["l_hand"]) == (("left_toe",), ("left_hand",))
 
 
+def test_a_joint_straight_below_the_ankle_is_no_toe():
+    """Some captures have the middle of the foot there; feet would have no heading."""
+    tree = {part: what for part, what in PLAIN.items() if part != "{}_toe"}
+    tree |= {"{}_forefoot": ("under", "{}_ankle"), "{}_toe": ("toe", "{}_forefoot")}
+    ankle = STANDING["ankle"]
+    skeleton, pose, _ = body(tree, ("left", "right"), STANDING | {"under": (ankle[0], ankle[1], ankle[2] - 0.05)})
+    assert joints_of(recognise(skeleton, pose), skeleton)["l_toe"] == ("left_toe",)
+
+
 @pytest.mark.parametrize("name", ["{}_heel", "{}_foot_x"])
 def test_a_heel_instead_of_toes_mirrors_nobody(name):
     skeleton, pose, _ = body(heeled(name, toe=False), ("left", "right"), HEELED)

@@ -10,7 +10,7 @@ from itertools import combinations
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, unit
 from robot_retarget.human.recognition.joint_names import NameEvidence, name_evidence
 from robot_retarget.human.skeleton import Skeleton
 
@@ -94,12 +94,22 @@ class PosedSkeleton:
         return (self.toes(limb) or [None])[0]
 
     def toes(self, limb: "Limb") -> list[int]:
-        """The candidates for the toe, the likeliest first, without heels."""
+        """The candidates for the toe, the likeliest first, without heels and joints straight below the ankle.
+
+        Those are less than half as far off the line of the shin as another candidate.
+        """
         below = [
             joint for joint in self._foot(limb.joints[2]) if self.distance(joint, limb.joints[2]) > SAME * limb.lower
         ]
-        named = [joint for joint in below if "helper" not in self.evidence[joint].parts]
-        return named or below
+        found = [joint for joint in below if "helper" not in self.evidence[joint].parts] or below
+        off = [self._off_the_shin(limb, joint) for joint in found]
+        return [joint for joint, angle in zip(found, off, strict=True) if angle >= max(off) / 2]
+
+    def _off_the_shin(self, limb: "Limb", joint: int) -> float:
+        """Return the median angle between the shin and the way from the ankle to a joint [rad]."""
+        _, knee, ankle = (self.positions[:, k] for k in limb.joints)
+        along = (unit(ankle - knee) * unit(self.positions[:, joint] - ankle)).sum(axis=1)
+        return float(np.median(np.arccos(along.clip(-1, 1))))
 
     def _foot(self, ankle: int) -> list[int]:
         """Return the joints of the longest branch below an ankle, from the top down, without heels."""
