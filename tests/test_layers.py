@@ -47,7 +47,7 @@ LAYERS = {
     "solve": {"trajectory", "motion", "robot", "human", "graph", "score", "scene"},
     "balance": CORE - {"balance", "motion"} | {"scene"},
     "papers": {"human", "graph"},
-    "edit": {"trajectory", "motion", "robot", "graph", "solve"},
+    "edit": {"trajectory", "motion", "robot", "graph", "solve", "scene"},
     "collision": {"trajectory", "robot", "scene"},
     "servo": {"actuators", "feedback", "goals", "trajectory"},
     "summary": {"motion", "robot", "human", "graph", "solve"},

@@ -9,6 +9,7 @@ from robot_retarget.robot.mirror import mirror_of
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.recognise import recognise
 from robot_retarget.robot.timing import require_same_robot
+from robot_retarget.scene.scene import reflected
 from robot_retarget.trajectory import Trajectory
 
 
@@ -23,7 +24,8 @@ def trimmed(trajectory: Trajectory, start: float = 0.0, stop: float | None = Non
         raise UsageError(f"{start:g} to {end:g} s is not within the trajectory's 0 to {trajectory.duration:.3g} s")
     first, last = round(start * trajectory.fps), round(end * trajectory.fps)
     kept = slice(first, last + 1)
-    return trajectory.altered(qpos=trajectory.qpos[kept], source_time=trajectory.source_time[kept])
+    scene = None if trajectory.scene is None else trajectory.scene.at(kept)
+    return trajectory.altered(qpos=trajectory.qpos[kept], source_time=trajectory.source_time[kept], scene=scene)
 
 
 def mirrored(trajectory: Trajectory, robot: Robot) -> Trajectory:
@@ -38,20 +40,18 @@ def mirrored(trajectory: Trajectory, robot: Robot) -> Trajectory:
     if not mirror.whole:
         lone = robot.joint_names[int(np.flatnonzero(mirror.partner < 0)[0])]
         raise TrajectoryError(f"{robot.name} cannot be mirrored: {lone} has no counterpart on the other side")
-    qpos = trajectory.qpos.copy()
+    qpos, left = trajectory.qpos.copy(), np.asarray(mirror.left)
     qpos[:, robot.qpos_index] = mirror.angles(trajectory.qpos[:, robot.qpos_index])
+    plane = np.zeros(3), left
     if robot.floating:
         root = slice(robot.root_address, robot.root_address + 7)
-        qpos[:, root] = _reflected(trajectory.qpos[:, root], np.asarray(mirror.left))
-    return trajectory.altered(qpos=qpos)
+        plane = _plane(trajectory.qpos[0, root], left)
+        qpos[:, root] = reflected(trajectory.qpos[:, root], plane, left)
+    scene = None if trajectory.scene is None else trajectory.scene.mirrored(plane)
+    return trajectory.altered(qpos=qpos, scene=scene)
 
 
-def _reflected(root: Floats, left: Floats) -> Floats:
-    """Return free joints (T, 7) mirrored in the vertical plane of the first heading: R ↦ M R m, m in its own axes."""
-    turns = Rotation.from_quat(root[:, 3:], scalar_first=True)
-    across = turns[0].apply(left) * [1, 1, 0]
-    across /= np.linalg.norm(across)
-    plane, own = (np.eye(3) - 2 * np.outer(normal, normal) for normal in (across, left))
-    places = root[0, :3] + (root[:, :3] - root[0, :3]) @ plane
-    turned = Rotation.from_matrix(plane @ turns.as_matrix() @ own)
-    return np.concatenate([places, turned.as_quat(scalar_first=True)], axis=1)
+def _plane(root: Floats, left: Floats) -> tuple[Floats, Floats]:
+    """Return a point (3,) and the normal (3,) of the vertical plane of a heading, that of a free joint (7,)."""
+    across = Rotation.from_quat(np.array(root[3:]), scalar_first=True).apply(left) * [1, 1, 0]
+    return root[:3], across / np.linalg.norm(across)

@@ -53,11 +53,17 @@ def performed(trajectory: Trajectory, robot: Robot, anatomy: Anatomy | None = No
         _rotations(robot, anatomy, qpos),
         trajectory.fps,
         trajectory.source,
-        trajectory.notes,
+        (*trajectory.notes, *_left_out(trajectory)),
         contacts=contacts,
         start_time=float(trajectory.source_time[0]),
         known=recognition,
     )
+
+
+def _left_out(trajectory: Trajectory) -> list[str]:
+    """Return a note about the bodies around the robot."""
+    names = () if trajectory.scene is None else trajectory.scene.names
+    return [f"The bodies around the robot are left out: {', '.join(names)}."] if names else []
 
 
 def _skeleton(robot: Robot, anatomy: Anatomy) -> Skeleton:

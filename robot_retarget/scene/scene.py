@@ -129,9 +129,31 @@ class Scene:
         """Return the scene at some frames."""
         return replace(self, bodies=tuple(body.at(frames) for body in self.bodies))
 
+    def mirrored(self, plane: tuple[Floats, Floats]) -> "Scene":
+        """Return the mirror image of a scene without carriers in a plane: a point (3,) [m] and the unit normal (3,)."""
+        bodies = []
+        for body in self.bodies:
+            poses = reflected(np.atleast_2d(body.poses), plane, np.array([0.0, 1.0, 0.0]))
+            bodies.append(replace(body, shape=body.shape.mirrored(), poses=poses.reshape(body.poses.shape)))
+        return replace(self, bodies=tuple(bodies))
+
     def resampled(self, frames: Floats) -> "Scene":
         """Return the scene at fractional frames (N,), interpolated; the ends are held beyond them."""
         return replace(self, bodies=tuple(body.resampled(frames) for body in self.bodies))
+
+
+def reflected(poses: Floats, plane: tuple[Floats, Floats], left: Floats) -> Floats:
+    """Return poses (T, 7) mirrored in a plane: R ↦ M R m.
+
+    Args:
+        plane: a point (3,) and the unit normal (3,).
+        left: (3,) unit normal of the plane, in the axes of the body, in which it is its own mirror image.
+    """
+    place, across = plane
+    mirror, own = (np.eye(3) - 2 * np.outer(normal, normal) for normal in (across, left))
+    turned = mirror @ Rotation.from_quat(np.array(poses[:, 3:]), scalar_first=True).as_matrix() @ own
+    places = place + (poses[:, :3] - place) @ mirror
+    return np.concatenate([places, Rotation.from_matrix(turned).as_quat(scalar_first=True)], axis=1)
 
 
 def interpolated(poses: Floats, frames: Floats) -> Floats:

@@ -50,6 +50,11 @@ class BodyShape:
         """Return the shape with all lengths multiplied by a scale."""
         return replace(self, size=scale * self.size, vertices=scale * self.vertices, heights=scale * self.heights)
 
+    def mirrored(self) -> "BodyShape":
+        """Return the mirror image in the plane y = 0."""
+        vertices = self.vertices * [1.0, -1.0, 1.0]
+        return replace(self, vertices=vertices, faces=self.faces[:, ::-1], heights=self.heights[::-1])
+
     @property
     def corners(self) -> Floats:
         """(P, 3) points whose convex hull holds the shape, in the body's frame [m]; the origin alone of a plane."""

@@ -7,10 +7,12 @@ from shared_files import ROOT
 
 import robot_retarget as rr
 from robot_retarget.collision.warn import warnings_of
+from robot_retarget.edit import mirrored, trimmed
 from robot_retarget.edit.session import graph_of
 from robot_retarget.edit.touchup import apply_edit
 from robot_retarget.graph.edits import Edit
 from robot_retarget.graph.placed_scene import captured_scene, placed_scene
+from robot_retarget.human.robot_performer import performed
 from robot_retarget.scene.scene import RigidBody, Scene, extrapolated
 from robot_retarget.scene.shape import ShapeKind, height_field, solid
 from robot_retarget.score.score import score
@@ -107,6 +109,27 @@ def test_a_body_that_comes_to_a_robot_at_rest_is_warned_of_beforehand() -> None:
     np.testing.assert_allclose(ahead[near], now[near] - 0.005, atol=1e-6)
     first = min(found.events, key=lambda event: event.first_warning)
     assert first.pair[1] == "wall" and first.contact is not None and first.first_warning < first.contact
+
+
+def test_the_mirror_image_of_a_trajectory_has_the_mirror_image_of_its_bodies(solved: Trajectory) -> None:
+    """The other hand is as far from the box as this one was; the image of the image is the trajectory."""
+    image = mirrored(shifted(solved, slice(15, 45), 0.02), OP3)
+    for hand, other in (("l_el", "r_el"), ("r_el", "l_el")):
+        before = distances(shifted(solved, slice(15, 45), 0.02), "box", other)
+        np.testing.assert_allclose(distances(image, "box", hand), before, atol=2e-4)
+    again = mirrored(mirrored(solved, OP3), OP3).scene
+    assert again is not None and solved.scene is not None
+    np.testing.assert_allclose(again.poses(len(solved)), solved.scene.poses(len(solved)), atol=1e-9)
+
+
+def test_a_part_of_a_trajectory_has_the_bodies_of_its_frames(solved: Trajectory) -> None:
+    part = trimmed(solved, 0.5, 1.0)
+    assert part.scene is not None and solved.scene is not None
+    np.testing.assert_array_equal(part.scene.poses(len(part)), solved.scene.poses(len(solved))[15:31])
+
+
+def test_a_robot_that_performs_says_which_bodies_it_leaves(solved: Trajectory) -> None:
+    assert any("left out: table, box" in note for note in performed(solved, OP3).notes)
 
 
 def test_poses_go_on_as_they_went() -> None:
