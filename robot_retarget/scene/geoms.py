@@ -15,7 +15,9 @@ PREFIX = "scene: "
 PROBE = 1e-5
 """Radius of the point from which distances are measured [m]."""
 CARTON = (0.76, 0.6, 0.42, 1.0)
-"""Colour of bodies in pictures: red, green, blue, alpha."""
+"""Colour of bodies that move in pictures: red, green, blue, alpha."""
+STANDING = (0.62, 0.66, 0.7, 1.0)
+"""Colour of bodies at rest."""
 FLOOR = 2
 """Contact type of a floor for bodies alone."""
 BASE = 0.01
@@ -45,7 +47,7 @@ def add_bodies(spec: mujoco.MjSpec, scene: Scene, free: bool = False) -> None:
         if free and not body.fixed:
             own.add_freejoint(name=name)
         geom = own.add_geom(name=name, type=_TYPES[body.shape.kind], friction=[body.friction, 0.005, 0.0001])
-        geom.mass, geom.rgba = body.weight, list(CARTON)
+        geom.mass, geom.rgba = body.weight, list(STANDING if body.fixed else CARTON)
         geom.conaffinity = 1 | FLOOR
         _give_shape(spec, geom, body)
 

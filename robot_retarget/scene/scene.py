@@ -67,6 +67,10 @@ class RigidBody:
         """The body in a message, with its file and line."""
         return f"{self.source}: body {self.name!r}" if self.source else f"body {self.name!r}"
 
+    def __str__(self) -> str:
+        size = " × ".join(f"{edge:.3g}" for edge in self.shape.size)
+        return f"{self.name} ({self.shape.kind}{f', {size} m' if self.shape.size.any() else ''}, {'at rest' if self.fixed else 'moves'})"
+
     @property
     def fixed(self) -> bool:
         """Whether the body never moves."""

@@ -70,6 +70,7 @@ def save_page(
         broken=broken,
         kept=f"{len(lines) - len(broken)} of {len(lines)} limits kept",
         strip=None if strip is None else _base64(strip.webp),
+        bodies="; ".join(map(str, played.scene.bodies if played.scene else ())),
         viewer=viewer.name if viewer is not None and viewer.is_file() else None,
         charts=_charts(report, warnings),
         facts=[*facts(report.figures), *_foreseen(report.figures)],
@@ -127,7 +128,7 @@ def _charts(report: Report, warnings: Warnings | None) -> list[tuple[str, str, s
         ("Torque against its limit", "", lambda: charts.torques(report)),
         ("Balance" + planned, "over the soles, and how far inside them", lambda: charts.balance(report)),
         (
-            "Warnings of self-contact",
+            "Warnings of contact",
             "bars: warnings; red: contacts in the plan; triangles: start of contacts on the servos",
             lambda: charts.timeline(report, warnings),
         ),

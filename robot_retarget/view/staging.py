@@ -12,7 +12,7 @@ from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.recognise import recognise
 from robot_retarget.robot.timing import require_same_robot, sample
-from robot_retarget.scene.scene import Scene
+from robot_retarget.scene.scene import Scene, world_corners
 from robot_retarget.trajectory import Trajectory
 
 THREE_QUARTERS = 30.0
@@ -102,6 +102,7 @@ def arrange(robot: Robot, trajectory: Trajectory, human: Floats | None, bones: I
 
     right = _right(azimuth)
     moved = corners - _at(path, clock, trajectory.duration)[:, None]
+    moved = _with_bodies(moved, trajectory, clock, corners - moved, height)
     camera, human_at, width = _side_by_side(moved @ right, figure @ right, FLESH * height)
     tall = max(corners[..., 2].max() - floor, figure[..., 2].max(initial=0.0) + 2 * FLESH * height, height)
     way = _at(path, times, trajectory.duration) + np.array([0, 0, floor])
@@ -124,6 +125,23 @@ def arrange(robot: Robot, trajectory: Trajectory, human: Floats | None, bones: I
         links=links_of(robot, sample(trajectory, robot, times)),
         scene=None if trajectory.scene is None else trajectory.scene.resampled(times * trajectory.fps),
     )
+
+
+def _with_bodies(moved: Floats, trajectory: Trajectory, clock: Floats, way: Floats, height: float) -> Floats:
+    """Return points (F, P, 3) of a robot relative to its way, with the corners of bodies while these are within a height of it.
+
+    Args:
+        way: (F, P, 3) or broadcast to it, of the robot [m].
+        height: of the robot [m].
+    """
+    scene = trajectory.scene
+    found, bodies = [moved], () if scene is None else scene.resampled(clock * trajectory.fps).bodies
+    for body in bodies:
+        poses = np.broadcast_to(body.poses, (len(clock), 7))
+        corners = world_corners(body, poses) - way[:, :1]
+        near = np.linalg.norm(corners[..., :2], axis=2).max(axis=1) < height
+        found.append(np.where(near[:, None, None], corners, moved[:, :1]))
+    return np.concatenate(found, axis=1)
 
 
 def visible(model: mujoco.MjModel) -> Ints:

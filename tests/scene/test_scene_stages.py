@@ -17,6 +17,7 @@ from robot_retarget.scene.scene import RigidBody, Scene, extrapolated
 from robot_retarget.scene.shape import ShapeKind, height_field, solid
 from robot_retarget.score.score import score
 from robot_retarget.trajectory import Trajectory, load_trajectory
+from robot_retarget.view.staging import arrange
 from robot_retarget.view.web.pack import Packer
 from robot_retarget.view.web.shapes import shapes_of_scene
 from robot_retarget.view.web.show import take_header
@@ -155,6 +156,18 @@ def test_a_score_counts_touches_without_sinking_and_contacts_that_are_kept(solve
         assert share is not None and (share > 99) == kept
     assert score(solved.altered(scene=None), OP3, CLIP).figures["body_touch_pct"] is None
     assert any(note.startswith("box: contacts kept l_hand") for note in score(solved, OP3, CLIP).notes)
+
+
+def test_the_camera_has_near_bodies_in_the_picture_and_stays_near_without_them() -> None:
+    still = Trajectory(np.repeat(OP3.standing()[None], 3, axis=0), 3.0, OP3.joint_names, OP3.name)
+    wide = solid(ShapeKind.BOX, (0.2, 0.5, 0.1))
+    beside, away = (RigidBody("box", wide, np.array([x, 0, 0.05, 1.0, 0, 0, 0])) for x in (0.2, 5.0))
+    alone, near, far = (
+        arrange(OP3, still.altered(scene=scene), None, None, np.zeros(1)).distance
+        for scene in (None, Scene((beside,)), Scene((away,)))
+    )
+    assert near > 1.05 * alone
+    assert far == alone
 
 
 def test_a_page_has_the_bodies_with_their_names_and_poses(solved: Trajectory) -> None:

@@ -70,6 +70,8 @@ class Foothold:
     """Frames."""
     outline: Floats
     """(N, 2) of the sole points that carry, in the middle of that time [m]."""
+    height: float
+    """Mean of theirs [m]."""
 
 
 def outline(corners: Floats) -> Floats:
@@ -89,7 +91,8 @@ def footholds(stance: Stance, fps: float) -> list[Foothold]:
             middle = (first + last) // 2
             carrying = mine & stance.down[middle]
             if carrying.any():
-                found.append(Foothold(name, first, last, outline(stance.points[middle, carrying, :2])))
+                points = stance.points[middle, carrying]
+                found.append(Foothold(name, first, last, outline(points[:, :2]), float(points[:, 2].mean())))
     return found
 
 

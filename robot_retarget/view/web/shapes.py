@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.robot.model import Robot
-from robot_retarget.scene.geoms import CARTON
+from robot_retarget.scene.geoms import CARTON, STANDING
 from robot_retarget.scene.scene import Scene
 from robot_retarget.scene.shape import BodyShape, ShapeKind
 from robot_retarget.view.staging import LINK, METAL, height_of, linked, visible
@@ -26,8 +26,6 @@ TRIANGLES = 60_000
 """Largest number of triangles of all meshes of a robot: about one for each pixel that it covers."""
 FEWEST = 40
 """Smallest number of triangles of a simplified mesh."""
-STANDING = (0.62, 0.66, 0.7, 1.0)
-"""Colour of bodies that never move; others have that of `CARTON`."""
 PLAIN = (0.5, 0.5, 0.5, 1.0)
 """MuJoCo's colour of a geom that was given none; its material's counts then."""
 

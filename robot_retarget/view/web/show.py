@@ -154,7 +154,13 @@ def _stance(stance: Stance, fps: float, packer: Packer) -> dict[str, Any]:
         "feet": list(stance.feet.names),
         "schedule": [list(runs(touching)) for touching in stance.touching.T],
         "footholds": [
-            {"foot": hold.foot, "first": hold.first, "last": hold.last, "outline": hold.outline.round(4).tolist()}
+            {
+                "foot": hold.foot,
+                "first": hold.first,
+                "last": hold.last,
+                "outline": hold.outline.round(4).tolist(),
+                "height": round(hold.height, 4),
+            }
             for hold in footholds(stance, fps)
         ],
         "counts": packer.add([len(corners) for corners in outlines]),

@@ -91,7 +91,7 @@ class Footholds extends Group {
   constructor({ stance, floor, height }) {
     super();
     this.holds = stance.footholds.map((hold, k) => {
-      const shape = polygon(grown(hold.outline, 0.015 * height), floor + height * (0.003 + 2e-5 * k)), color = hold.foot.startsWith("l") ? TEAL : PLUM;
+      const shape = polygon(grown(hold.outline, 0.015 * height), Math.max(hold.height, floor) + height * (0.003 + 2e-5 * k)), color = hold.foot.startsWith("l") ? TEAL : PLUM;
       const fill = new Mesh(shape.face, flat(color, 0.15)), rim = new LineLoop(shape.rim, new LineBasicMaterial({ color }));
       this.add(fill, rim);
       return { ...hold, fill, rim };
