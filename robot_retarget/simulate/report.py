@@ -32,6 +32,7 @@ from robot_retarget.simulate.figures import (
     rollout_figures,
     tracking_figures,
 )
+from robot_retarget.simulate.kept_contacts import contact_figures
 from robot_retarget.simulate.plant import Mode, Plant
 from robot_retarget.simulate.stance import stance_figures, stance_of
 from robot_retarget.simulate.stepping import Rollout
@@ -202,6 +203,7 @@ def build_report(
         **between_figures(trajectory, robot),
         **goal_figures(trajectory, plant, rollout, until),
         **rollout_figures(rollout, robot, until),
+        **contact_figures(plant.bodies, rollout, robot, trajectory, until),
         **fall,
         **feedback_figures(rollout, robot.joint_names, until),
         **(stance_figures(stance, until) if free else {}),

@@ -34,6 +34,8 @@ class Thresholds:
     """Of the hottest servo over the trajectory [K]: room temperature to 70 °C."""
     foot_slip: float = 0.01
     """Slip of a standing foot [m], in mode `free`."""
+    body_contacts_lost: float = 0.3
+    """Share of the planned time of contacts with bodies that the simulation lacks."""
     fallen_share: float = 0.1
     """Share of the drawn simulations (mass, friction, stiffness, delay, tilt) that end in a fall, in mode `free`."""
     unlike_arms: float = 0.45
@@ -110,6 +112,8 @@ CHECKS = (
     Check("between_frames", "between_frames_depth_m", "overlap of the robot with itself between frames", "m"),
     Check("tracked_penetration", "tracked_self_contact_depth_m", "overlap of the robot with itself on the servos", "m"),
     Check("foot_slip", "foot_slip_m", "slip of a standing foot", "m", "a foot slides {value} while it stands"),
+    Check("body_contacts_lost", "body_contacts_lost", "planned contacts with bodies that are missing", "of all",
+          "{value} of the planned contacts with bodies are missing: {lost_contact}"),
     Check("fallen_share", "fallen_share", "randomised simulations in which it falls", "of all",
           "falls in {value} of {draws} simulations with other mass, friction, servos and tilt"),
     Check("range_excess", "range_excess_rad", "beyond a joint's range, planned", "rad",

@@ -8,6 +8,7 @@ import numpy as np
 
 from robot_retarget.simulate.bodies import dropped
 from robot_retarget.simulate.feedback_figures import feedback_reasons
+from robot_retarget.simulate.kept_contacts import missed_steps
 from robot_retarget.simulate.thresholds import CHECKS, FROM_STANDING, OVERLAPS, UNLIKE, Thresholds
 from robot_retarget.simulate.units import shown
 
@@ -67,6 +68,7 @@ def judge(figures: Mapping[str, Any], most: Thresholds) -> tuple[str, ...]:
         *(check.reason(figures, most) for check in over),
         *_goal_step(figures),
         *dropped(figures),
+        *missed_steps(figures),
         *_links(figures, most),
     )
 

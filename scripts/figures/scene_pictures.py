@@ -33,7 +33,7 @@ def drawn(result: rr.Result, target: Path, trajectory: rr.Trajectory | None = No
 def box(folder: Path) -> Path:
     """Draw a box that the OP3 lifts, as simulated."""
     result = rr.retarget(
-        SCENES / "box.bvh", rr.load_robot("op3"), scene=SCENES / "box.toml", legs="stand", balance="static"
+        SCENES / "box.bvh", rr.load_robot("op3"), scene=SCENES / "box.toml", legs="follow", balance="static"
     )
     print(rr.simulate(result, objects="free", draws=0))
     return drawn(result, folder / "box.png")
