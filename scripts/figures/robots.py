@@ -33,9 +33,9 @@ KEYPOINTS = 18
 """Of a robot with arms, legs and a head."""
 HEAD = """# Robots that were tried
 
-{count} humanoids perform the sample wave. Each model file is read as it is, without a configuration by hand.
+{count} humanoids perform the sample wave. Each model file is read unchanged, without a configuration by hand.
 
-![{count} robots in the same moment of the wave, each beside the human]({picture})
+![{count} robots in the same moment of the wave, each next to the human]({picture})
 
 | robot | source | joints | keypoints | limb error [°] | CPU time of a frame [ms] | simulation |
 |---|---|---|---|---|---|---|
