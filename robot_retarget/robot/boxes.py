@@ -69,6 +69,8 @@ class Boxes:
     def near(self, data: mujoco.MjData) -> GeomDistances:
         """Return the places at which boxes are near each other, at the poses of `data`."""
         pairs, turn, offset = self._candidates(data)
+        if not len(pairs):
+            return GeomDistances(np.empty(0), pairs, np.empty((0, 3)), np.empty((0, 3)))
         nearest = self._nearest(data, pairs)
         apart = np.flatnonzero(nearest.distance > TOUCHING)
         pairs, turn, offset = pairs[apart], turn[apart], offset[apart]
@@ -81,19 +83,20 @@ class Boxes:
 
     def _candidates(self, data: mujoco.MjData) -> tuple[Ints, Floats, Floats]:
         """Pairs that no face holds farther apart than the reach; the second box's rotation and centre in the first's axes."""
-        centres = data.geom_xpos[self.boxes]
+        centres = data.geom_xpos.take(self.boxes, axis=0)
         squares = (centres * centres).sum(axis=1)
-        one, other = np.nonzero(squares[:, None] + squares - 2 * centres @ centres.T < self.balls)
-        pairs, gap = self.boxes[np.stack([one, other], axis=1)], centres[other] - centres[one]
-        first, second = np.moveaxis(data.geom_xmat.reshape(-1, 3, 3)[pairs], 1, 0)
-        turn, offset = first.mT @ second, _times(first.mT, gap)
-        size, spread = self.sizes[pairs], np.abs(turn)
+        ends = (squares[:, None] + squares - 2 * centres @ centres.T < self.balls).nonzero()
+        one, other = (self.boxes.take(end) for end in ends)
+        turns = data.geom_xmat.reshape(-1, 3, 3)
+        first, gap = turns.take(one, axis=0).mT, centres.take(ends[1], axis=0) - centres.take(ends[0], axis=0)
+        turn, offset = first @ turns.take(other, axis=0), _times(first, gap)
+        size, other_size, spread = self.sizes.take(one, axis=0), self.sizes.take(other, axis=0), np.abs(turn)
         apart = np.maximum(
-            np.abs(offset) - size[:, 0] - _times(spread, size[:, 1]),
-            np.abs(_times(turn.mT, offset)) - size[:, 1] - _times(spread.mT, size[:, 0]),
+            np.abs(offset) - size - _times(spread, other_size),
+            np.abs(_times(turn.mT, offset)) - other_size - _times(spread.mT, size),
         ).max(axis=1)
-        keep = apart < self.reach
-        return pairs[keep], turn[keep], offset[keep]
+        keep = (apart < self.reach).nonzero()[0]
+        return np.stack([one, other], axis=1).take(keep, axis=0), turn.take(keep, axis=0), offset.take(keep, axis=0)
 
     def _nearest(self, data: mujoco.MjData, pairs: Ints) -> GeomDistances:
         """The nearest points of every pair; boxes that just touch have no normal."""
@@ -123,7 +126,7 @@ class Boxes:
         corner = (_CORNERS * self.sizes[pairs[:, 1], None]) @ turn.mT + offset[:, None]
         out = np.maximum(np.abs(corner) - self.sizes[pairs[:, 0], None], 0.0)
         distance = np.sqrt((out * out).sum(axis=2))
-        pair, which = np.nonzero((distance > TOUCHING) & (distance < self.reach))
+        pair, which = ((distance > TOUCHING) & (distance < self.reach)).nonzero()
         corner, out, distance = corner[pair, which], out[pair, which], distance[pair, which]
         slope = out * np.sign(corner) / distance[:, None]
         box = pairs[pair, 0]

@@ -217,13 +217,12 @@ def difference(robot: Robot, start: Floats, end: Floats) -> Floats:
         start: (…, nq) configurations, or one for all.
         end: (…, nq) configurations.
     """
-    velocity = np.empty((*end.shape[:-1], robot.model.nv))
-    if end.ndim == 1:
-        mujoco.mj_differentiatePos(robot.model, velocity, 1.0, start, end)
-    elif end.ndim > 1:
-        begins = np.broadcast_to(start, end.shape)
-        for k in np.ndindex(end.shape[:-1]):
-            mujoco.mj_differentiatePos(robot.model, velocity[k], 1.0, begins[k], end[k])
+    model = robot.model
+    velocity = np.empty((*end.shape[:-1], model.nv))
+    begins = start if start.shape == end.shape else np.broadcast_to(start, end.shape)
+    rows = velocity.reshape(-1, model.nv), begins.reshape(-1, model.nq), end.reshape(-1, model.nq)
+    for change, before, after in zip(*rows, strict=True):
+        mujoco.mj_differentiatePos(model, change, 1.0, before, after)
     return velocity
 
 

@@ -155,7 +155,7 @@ class Separation:
         mujoco.mj_comPos(self.model, data)
         mujoco.mj_collision(self.model, data)
         pairs = data.contact.geom
-        seen = np.flatnonzero(self.seen[pairs[:, 0], pairs[:, 1]])
+        seen = self.seen[pairs[:, 0], pairs[:, 1]].nonzero()[0]
         return seen, self.boxes.near(data) if len(self.boxes.pairs) else None
 
     def _watch(self, pairs: Ints) -> None:

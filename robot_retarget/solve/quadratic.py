@@ -285,7 +285,7 @@ class CostModel:
 
     def decrease(self, current: Quadratic, step: Floats, slack: Floats) -> Floats:
         """By how much the model says that steps (N, nv) lower the cost, when links then lack `slack` (N,) over the leg."""
-        bent = np.einsum("tij,tj->ti", current.normal, step) + 2 * current.gradient
+        bent = (current.normal @ step[..., None])[..., 0] + 2 * current.gradient
         return self.options.overlap_cost * (current.clearance_deficit**2 - slack**2) - (bent * step).sum(axis=1)
 
     def near(self, q: Floats, targets: EdgeTargets) -> LinearizedDistances:
@@ -326,10 +326,15 @@ class CostModel:
         if proximal is None:
             return current
         change, weight = difference(self.robot, proximal.anchor, q) - proximal.offset, proximal.weight
-        normal, nv = current.normal.copy(), len(weight)
-        normal[:, np.arange(nv), np.arange(nv)] += weight
-        cost, gradient = current.cost + change**2 @ weight, current.gradient + weight * change
-        return replace(current, cost=cost, gradient=gradient, normal=normal)
+        normal = current.normal.copy()
+        diagonal(normal)[:] += weight
+        columns: dict[str, Any] = {
+            **vars(current),
+            "cost": current.cost + change**2 @ weight,
+            "gradient": current.gradient + weight * change,
+            "normal": normal,
+        }
+        return Quadratic(**columns)
 
     def with_neighbours(self, current: Quadratic, q: Floats, around: Sequence[Neighbours | None] | None) -> Quadratic:
         """The model with the costs that join frames with their neighbours on top."""
@@ -363,6 +368,11 @@ class CostModel:
     def penetration(self, q: Floats) -> float:
         """Return the depth of the lowest surface under the floor [m]."""
         return max((each.track.kind.penetration(each.track, each.state(q)) for each in self.surfaces), default=0.0)
+
+
+def diagonal(matrices: Floats) -> Floats:
+    """Return the view (N, n) of the diagonals of contiguous matrices (N, n, n)."""
+    return matrices.reshape(len(matrices), -1)[:, :: matrices.shape[1] + 1]
 
 
 def _distinct(near: LinearizedDistances) -> Ints:

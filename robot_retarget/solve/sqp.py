@@ -17,7 +17,7 @@ from robot_retarget.solve.compiled import QuadraticPrograms
 from robot_retarget.solve.limits import JointBounds, Targets
 from robot_retarget.solve.options import SolveOptions
 from robot_retarget.solve.problem import ClipTargets, EdgeTargets, Problem
-from robot_retarget.solve.quadratic import Between, CostModel, Proximal, Quadratic
+from robot_retarget.solve.quadratic import Between, CostModel, Proximal, Quadratic, diagonal
 from robot_retarget.solve.stencils import Neighbours
 
 UNSEEN = 0.03
@@ -266,20 +266,24 @@ class FrameSolver:
         steps: int,
         around: Neighbours | None = None,
     ) -> FrameSolution:
-        """Take a number of steps and accept each: the real-time iteration of [Diehl2005], from a start that is a good prediction."""
-        q, status, base = start[None], Status.OUT_OF_ITERATIONS, None
+        """Take a number of steps and accept each: the real-time iteration of [Diehl2005], from a start that is a good prediction.
+
+        No step follows one that turns every hinge by less than `UNSEEN`.
+        """
+        q, base, taken = start[None], None, 0
         own, regions, proximal = box.clip, TrustRegions(self.options, 1), proximal and proximal.clip
-        for taken in range(steps):
+        status = Status.OUT_OF_ITERATIONS
+        while taken < steps and status is not Status.CONVERGED:
             base = self.costs.linearize(q, targets.clip)
             current = self.costs.with_neighbours(self.costs.with_proximal(base, q, proximal), q, [around])
             step, _, kept = self._steps(q, current, regions.radius, regions.damping, own)
             if not kept[0]:
                 ends = float(base.cost[0]), taken, float(base.clearance_deficit[0])
                 return self._closed(FrameSolution(q[0], Status.BLOCKED, *ends))
-            q = integrate(self.robot, q, step)
+            q, taken = integrate(self.robot, q, step), taken + 1
             status = Status.CONVERGED if float(np.abs(step[:, self.hinges]).max()) < UNSEEN else status
         assert base is not None
-        return self._closed(FrameSolution(q[0], status, float(base.cost[0]), steps, float(base.clearance_deficit[0])))
+        return self._closed(FrameSolution(q[0], status, float(base.cost[0]), taken, float(base.clearance_deficit[0])))
 
     def _with_terms(self, descent: Descent, base: Quadratic, q: Floats, frames: Ints | None) -> Quadratic:
         """Return the model of frames at q with the terms of proximal and neighbours; of all frames by default."""
@@ -297,8 +301,7 @@ class FrameSolver:
         """
         (count, nv), angle = current.gradient.shape, q[:, self.robot.qpos_index]
         radius = radius[:, None]
-        upper = np.repeat(2 * radius, nv + 1, axis=1)
-        lower = -upper
+        lower, upper = -2 * radius * np.ones(nv + 1), 2 * radius * np.ones(nv + 1)
         lower[:, self.hinges] = (box.lower - angle).clip(-radius, radius)
         upper[:, self.hinges] = (box.upper - angle).clip(-radius, radius)
         lower[:, nv], upper[:, nv] = 0.0, np.inf
@@ -309,7 +312,7 @@ class FrameSolver:
             upper[:, self.roots] = np.minimum(np.maximum(reach - moved, 0.0), 2 * radius)
         hessian, gradient = np.zeros((count, nv + 1, nv + 1)), np.zeros((count, nv + 1))
         hessian[:, :nv, :nv], gradient[:, :nv] = current.normal, current.gradient
-        hessian[:, np.arange(nv), np.arange(nv)] += damping[:, None]
+        diagonal(hessian)[:, :nv] += damping[:, None]
         hessian[:, nv, nv] = self.options.overlap_cost / self.leg**2
         found, kept = self.programs.solve(hessian, gradient, lower, upper, current.rows, current.row_lower)
         return found[:, :nv], self.costs.decrease(current, found[:, :nv], found[:, nv] / self.leg), kept
