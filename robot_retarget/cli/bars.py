@@ -1,87 +1,50 @@
-"""A progress bar with the time left."""
+"""Progress bars with the time left, on stderr if that is a terminal."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import monotonic
 
-from rich.progress import BarColumn, ProgressColumn, Task, TaskProgressColumn, TextColumn
+from rich.progress import BarColumn, ProgressColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bars
-from rich.text import Text
 
 from robot_retarget.cli.console import side
 from robot_retarget.progress import Progress
 
 
-class TimeLeft(ProgressColumn):
-    """The time until the end that `Stages` expects."""
-
-    def render(self, task: Task) -> Text:
-        """Minutes and seconds."""
-        left = max(round(task.fields["ends"] - monotonic()), 0)
-        return Text(f"{left // 60}:{left % 60:02d} left", style="progress.remaining")
-
-
-class Stages:
-    """A progress bar over stages that follow each other.
-
-    The time left is the rest of the present stage at its measured pace, plus the usual times of later stages. The usual
-    pace counts like the first `PRIOR` of a stage, which steadies the estimate at its start.
-    """
-
-    PRIOR = 0.1
-
-    def __init__(self, bars: Bars, costs: Mapping[str, float]):
-        self._bars, self._costs, self._began = bars, costs, monotonic()
-        self._task = bars.add_task("", ends=self._began + sum(costs.values()))
-
-    def begin(self, stage: str) -> Progress:
-        """Begin a stage and return the function that reports its progress."""
-        names, cost, began = list(self._costs), self._costs[stage], monotonic()
-        later = sum(self._costs[name] for name in names[names.index(stage) + 1 :])
-
-        def report(done: int, total: int) -> None:
-            share, usual = done / max(total, 1), self.PRIOR * cost
-            self._expect((1 - share) * (monotonic() - began + usual) / (share + self.PRIOR) + later)
-
-        self._bars.update(self._task, description=stage)
-        report(0, 1)
-        return report
-
-    def _expect(self, left: float) -> None:
-        now = monotonic()
-        self._bars.update(self._task, completed=now - self._began, total=now - self._began + left, ends=now + left)
+def _bars(share: ProgressColumn) -> Bars:
+    """Return bars with a description, the completed share and the time left."""
+    columns = TextColumn("{task.description}"), BarColumn(), share, TimeRemainingColumn()
+    return Bars(*columns, console=side, transient=True, disable=side.quiet or not side.is_terminal)
 
 
 @contextmanager
-def progress(costs: Mapping[str, float]) -> Iterator[Stages]:
-    """Show a bar with the time left over stages of usual durations [s], on stderr if that is a terminal."""
-    columns = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeLeft()
-    with Bars(*columns, console=side, transient=True, disable=side.quiet or not side.is_terminal) as bars:
-        yield Stages(bars, costs)
+def progress() -> Iterator[Callable[[str], Progress]]:
+    """Yield a function that begins a stage, in place of the one before, and returns the receiver of its progress."""
+    with _bars(TaskProgressColumn()) as bars:
+        bar = bars.add_task("")
+
+        def begin(stage: str) -> Progress:
+            bars.reset(bar, description=stage, total=None)
+            return lambda done, total: bars.update(bar, completed=done, total=total)
+
+        yield begin
 
 
 @contextmanager
 def tally(total: int, stopping: Callable[[], bool]) -> Iterator[Callable[[bool], None]]:
-    """A bar over independent pieces: how many are done, how many failed, a rate and the time left.
+    """Show a bar over independent pieces: number done, number failed, rate, time left.
 
     Yields a function that reports whether a piece succeeded.
     """
     began, failed, done = monotonic(), 0, 0
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.completed:.0f}/{task.total:.0f}"),
-        TimeLeft(),
-    )
-    with Bars(*columns, console=side, transient=True, disable=side.quiet or not side.is_terminal) as bars:
-        task = bars.add_task("clips", total=total, ends=began)
+    with _bars(TextColumn("{task.completed:.0f}/{task.total:.0f}")) as bars:
+        bar = bars.add_task("clips", total=total)
 
         def report(well: bool) -> None:
             nonlocal failed, done
             done, failed = done + 1, failed + (not well)
-            now = monotonic()
-            rate = done / max(now - began, 1e-9)
+            rate = done / max(monotonic() - began, 1e-9)
             description = f"{rate:.2f} clips/s, {failed} failed" + (", finishing" if stopping() else "")
-            bars.update(task, completed=done, ends=now + (total - done) / rate, description=description)
+            bars.update(bar, completed=done, description=description)
 
         yield report

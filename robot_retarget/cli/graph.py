@@ -8,7 +8,6 @@ from robot_retarget.cli import console
 from robot_retarget.cli.bars import progress
 from robot_retarget.cli.command import command
 from robot_retarget.cli.options import ClipOptions, DefaultRobotOptions, EditedGraphOptions, PrintOptions
-from robot_retarget.cli.stages import retarget_cost
 
 commands: typer.Typer = typer.Typer()
 
@@ -25,10 +24,9 @@ def graph(
     from robot_retarget.pipeline import solve as solved
     from robot_retarget.summary import describe_graph, describe_stress
 
-    motion = clip.load()
-    found = goals.describe(motion, robot.load())
+    found = goals.describe(clip.load(), robot.load())
     facts: dict[str, Any] = describe_graph(found)
     if solve:
-        with progress({"retarget": retarget_cost(motion)}) as stages:
-            facts |= describe_stress(solved(found, balance="off", progress=stages.begin("retarget")).solution)
+        with progress() as begin:
+            facts |= describe_stress(solved(found, balance="off", progress=begin("retarget")).solution)
     printing.show(facts, console.show_graph)

@@ -48,9 +48,8 @@ class SequenceOptions(SolvedOptions, BalancedOptions, RobotOptions):
         self.require_writable()
         model = self.load()
         clips = [load_trajectory(path, model) for path in paths]
-        with progress({"solve": 0.5 + 0.5 * sum(clip.duration for clip in clips)}) as stages:
-            bar = stages.begin("solve")
-            result = (solve or sequence)(clips, robot=model, balance=self.balance, progress=bar, **how)
+        with progress() as begin:
+            result = (solve or sequence)(clips, robot=model, balance=self.balance, progress=begin("solve"), **how)
         self.save(result, printing)
 
 
@@ -147,8 +146,8 @@ def stops(
 
     model, played = robot.load(on.servos), load_trajectory(source.trajectory)
     place, found = source.trajectory.parent / FOLDER, list[dict[str, Any]]()
-    with replacing_folder(place) as scratch, progress({"ways into a stand": 5 * played.duration / every}) as stages:
-        stages.begin("ways into a stand")
+    with replacing_folder(place) as scratch, progress() as begin:
+        begin("ways into a stand")
         for time, outcome in ways_into_stand(played, model, every, draws):
             found.append({"at_s": round(time, 3)} | _saved(outcome, time, scratch / f"{time:.3f}"))
         rmtree(place, ignore_errors=True)

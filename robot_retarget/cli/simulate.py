@@ -9,7 +9,7 @@ from robot_retarget.cli import console
 from robot_retarget.cli.bars import progress
 from robot_retarget.cli.command import command, option, options
 from robot_retarget.cli.options import JudgeOptions, PrintOptions, RobotOptions, ServoOptions, TrajectoryOptions
-from robot_retarget.cli.stages import save_judged, simulation_cost, write_page
+from robot_retarget.cli.stages import save_judged, write_page
 
 commands: typer.Typer = typer.Typer()
 
@@ -58,7 +58,7 @@ def simulate(how: SimulateOptions, robot: RobotOptions, printing: PrintOptions) 
     for path in (*([how.trajectory, where] if how.store else []), *([page] if page else [])):
         require_writable(path)
     warnings = warnings_of(played, model) if len(played) > 1 else None  # a single frame has no next one to warn of
-    with progress({"simulate": simulation_cost(played.duration, how.draws)}) as stages:
+    with progress() as begin:
         report = roll_out(
             played,
             model,
@@ -71,7 +71,7 @@ def simulate(how: SimulateOptions, robot: RobotOptions, printing: PrintOptions) 
             feedback=how.feedback,
             backlash=how.backlash,
             objects=how.objects,
-            progress=stages.begin("simulate"),
+            progress=begin("simulate"),
         )
     if how.store:
         save_judged(report, how.trajectory, where)

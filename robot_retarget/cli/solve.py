@@ -25,7 +25,6 @@ from robot_retarget.cli.options import (
     named_robot,
     solved,
 )
-from robot_retarget.cli.stages import retarget_cost
 
 if TYPE_CHECKING:
     from robot_retarget.result import Result
@@ -79,8 +78,8 @@ def solve(
     model, unmet = robot.load(), False
     for name, performer in clip.performers().items():
         motion = performer.load()
-        with progress({"retarget": retarget_cost(motion)}) as stages:
-            result = solved(goals.describe(motion, model), following, stages.begin("retarget"))
+        with progress() as begin:
+            result = solved(goals.describe(motion, model), following, begin("retarget"))
         to.of(name).save(result, printing)
         unmet |= bool(unmet_of_user(result.solution.unmet))
     if unmet:
@@ -116,7 +115,7 @@ def transfer(
     read = FormatOptions(source_fps=performed.source_fps)
     trajectory = import_motion(performed.motion, performer, performed.format, read)
     legs, balance = following.legs, following.balance
-    with progress({"transfer": 0.5 + 0.5 * trajectory.duration}) as stages:
-        bar, what = stages.begin("transfer"), (trajectory, performer, follower)
+    with progress() as begin:
+        bar, what = begin("transfer"), (trajectory, performer, follower)
         result = carried(*what, fps=rate.fps, preset=rate.preset, legs=legs, balance=balance, progress=bar)
     to.save(result, printing)

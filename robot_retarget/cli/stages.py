@@ -4,13 +4,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robot_retarget.cli import console
-from robot_retarget.cli.bars import Stages, progress
+from robot_retarget.cli.bars import progress
 from robot_retarget.cli.command import option, options
 from robot_retarget.cli.ending import filling
 from robot_retarget.cli.options import OUT, FollowOptions, GraphOptions, JudgeOptions, PrintOptions, solved
 from robot_retarget.errors import UsageError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from robot_retarget.collision.warn import Warnings
     from robot_retarget.motion import Motion
     from robot_retarget.progress import Progress
@@ -23,12 +25,6 @@ if TYPE_CHECKING:
 
     Shown = Path | AnimatedWebP | Unavailable
     """A film in a file, a loop, or the reason why there is neither."""
-
-
-STANDS = 4.0
-"""Of a balanced playback before and after the clip [s], about."""
-FILM_COST = 2.2
-"""About how long a second of film takes [s]."""
 
 
 @options
@@ -55,16 +51,15 @@ def fill_folder(
     from robot_retarget.summary import describe_solution
 
     out = how.out
-    with filling(out) as filled, progress(costs_of(motion, robot, how)) as stages:
-        bar = stages.begin(f"retarget to {robot.name}")
-        result = solved(goals.describe(motion, robot), how, bar)
+    with filling(out) as filled, progress() as begin:
+        result = solved(goals.describe(motion, robot), how, begin(f"retarget to {robot.name}"))
         target = filled.path
-        report, warnings = _tried(result, target, how, stages.begin("simulate"))
+        report, warnings = _tried(result, target, how, begin("simulate"))
         outcome = played_on_emulated(robot.name, target) if play and report.verdict == "pass" else None
         if outcome is not None:
             report = report.with_playback(outcome.figures)
             report.save(target / "report.json")
-        pictures = _shown(result, target, how.video, stages)
+        pictures = _shown(result, target, how.video, begin)
         viewer = _write_viewer(result, report, target / "viewer.html")
         write_page(report, target / "trajectory.npz", warnings, target / "report.html", *pictures, viewer)
         files = filled.written()
@@ -80,27 +75,6 @@ def fill_folder(
         console.say(f"wrote {', '.join(files)} in {out}")
         console.say(f"next: open {out / 'report.html'} in a browser; it leads to {out / 'viewer.html'}")
     return report.verdict
-
-
-def costs_of(motion: "Motion", robot: "Robot", how: FolderOptions) -> dict[str, float]:
-    """About how long the stages of `run` take, measured on the sample clips [s]."""
-    length = len(motion) / motion.fps + STANDS
-    return {
-        f"retarget to {robot.name}": retarget_cost(motion),
-        "simulate": simulation_cost(length, how.draws),
-        **({"film": FILM_COST * length} if how.video else {}),
-        "pictures": 5.0,
-    }
-
-
-def retarget_cost(motion: "Motion") -> float:
-    """About how long retargeting takes [s]."""
-    return 0.5 + 0.5 * len(motion) / motion.fps
-
-
-def simulation_cost(length: float, draws: int) -> float:
-    """Return the approximate time to simulate a length [s]."""
-    return 1.0 + (0.1 + 0.03 * draws) * length
 
 
 def _tried(
@@ -160,14 +134,16 @@ def played_on_emulated(robot: str, folder: Path) -> "PlaybackOutcome | None":
     return play_emulated(trajectory, load_map(robot), lockstep=True, log=folder / "play.npz")
 
 
-def _shown(result: "Result", target: Path, film: bool, stages: Stages) -> "tuple[Picture | None, Shown]":
+def _shown(
+    result: "Result", target: Path, film: bool, begin: "Callable[[str], Progress]"
+) -> "tuple[Picture | None, Shown]":
     """Draw the strip, and the film or a loop of few pictures; notes name what cannot be drawn."""
     from robot_retarget.view import Film, Picture, loop, strip, video
 
     what, path = (result.robot, result.trajectory), target / "video.mp4"
     figure = result.match.figure(result.motion)
-    filmed = video(*what, path, *figure, progress=stages.begin("film")) if film else None
-    stages.begin("pictures")
+    filmed = video(*what, path, *figure, progress=begin("film")) if film else None
+    begin("pictures")
     picture = strip(*what, *figure)
     if isinstance(picture, Picture):
         picture.save(target / "strip.png")

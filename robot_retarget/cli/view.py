@@ -9,7 +9,7 @@ from robot_retarget.cli import console
 from robot_retarget.cli.bars import progress
 from robot_retarget.cli.command import argument, command, option, options
 from robot_retarget.cli.options import ForceOptions, LimitOptions, MapOptions, PrintOptions, ReadOptions, load
-from robot_retarget.cli.stages import FILM_COST, require_source
+from robot_retarget.cli.stages import require_source
 from robot_retarget.errors import UsageError
 
 if TYPE_CHECKING:
@@ -127,11 +127,10 @@ def _draw(take: "Take", drawn: DrawOptions) -> None:
     if drawn.strip is not None:
         picture = draw_strip(*what, *shown)
         _require_drawn(picture if isinstance(picture, Unavailable) else picture.save(drawn.strip), drawn.strip)
-    films = (("film", write_video, drawn.video, FILM_COST), ("gif", write_gif, drawn.gif, 1.0))
-    for name, write, path, cost in films:
+    for name, write, path in (("film", write_video, drawn.video), ("gif", write_gif, drawn.gif)):
         if path is not None:
-            with progress({name: cost * take.trajectory.duration}) as stages:
-                _require_drawn(write(*what, path, *shown, progress=stages.begin(name)), path)
+            with progress() as begin:
+                _require_drawn(write(*what, path, *shown, progress=begin(name)), path)
 
 
 def _require_drawn(outcome: object, path: Path) -> None:

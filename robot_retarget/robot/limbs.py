@@ -226,7 +226,7 @@ def _ankle(links: Links, chain: Chain, pitch: Axis | None, knee: Axis) -> Centre
 
 def _has_parallel(links: Links, link: int, axis: Axis) -> bool:
     """Whether a link turns about a line parallel to an axis, as toes do to the ankle's."""
-    return any(abs(a.direction @ axis.direction) > ALIGNED for a in links.axes(link))
+    return any(abs(a.direction @ axis.direction) > ALIGNED for a in links.axes[link])
 
 
 def _before(chain: Chain, pitch: Axis) -> list[Axis]:
@@ -262,7 +262,7 @@ def toe_centre(standing: Links, foot: int, surface: Floats, ankle: Floats, forwa
         ankle: (3,) [m].
         forward: (3,) unit vector.
     """
-    children = [axis for child in standing.children[foot] for axis in standing.axes(child)]
+    children = [axis for child in standing.children[foot] for axis in standing.axes[child]]
     hinged = [axis for axis in children if abs(axis.direction @ forward) < ALIGNED]
     if hinged:
         return Centre(hinged[0].nearest(ankle), foot, "toe joint", SURE)
@@ -373,7 +373,7 @@ def is_named(links: Links, axis: Axis, vocabulary: set[str]) -> bool:
         vocabulary: words in lower case.
     """
     return bool(words(links.model.joint(axis.joint).name) & vocabulary) or bool(
-        words(links.model.body(axis.link).name) & vocabulary and len(links.axes(axis.link)) == 1
+        words(links.model.body(axis.link).name) & vocabulary and len(links.axes[axis.link]) == 1
     )
 
 

@@ -128,24 +128,26 @@ class Links:
             line.append(self.parent(line[-1]))
         return line[::-1]
 
-    def axes(self, link: int) -> list[Axis]:
-        """The hinges that carry a link, from the parent's side on.
+    @cached_property
+    def axes(self) -> dict[int, list[Axis]]:
+        """The hinges that carry each link, from the parent's side on.
 
         The place of a joint along its axis is arbitrary. The anchor is therefore the point nearest to the axes of the
         next hinges that are not parallel, or of the previous ones at the end of a chain.
         """
-        return [self._settled(axis, k) for k, axis in enumerate(self._lines(link))]
+        return {link: [self._settled(axis, k) for k, axis in enumerate(lines)] for link, lines in self._lines.items()}
 
-    def _lines(self, link: int) -> list[Axis]:
-        """The hinges that carry a link, anchored where the model has them."""
-        first, count = self.model.body_jntadr[link], self.model.body_jntnum[link]
-        hinges = [j for j in range(first, first + count) if j in self.robot.joint_ids]
-        return [Axis(j, link, self.data.xanchor[j].copy(), self.data.xaxis[j].copy()) for j in hinges]
+    @cached_property
+    def _lines(self) -> dict[int, list[Axis]]:
+        """The hinges that carry each link, anchored where the model has them."""
+        at, turned = self.data.xanchor.copy(), self.data.xaxis.copy()
+        bodies = [(int(j), int(self.model.jnt_bodyid[j])) for j in self.robot.joint_ids]
+        return {link: [Axis(j, link, at[j], turned[j]) for j, body in bodies if body == link] for link in self.ids}
 
     def _settled(self, axis: Axis, place: int) -> Axis:
         """Return an axis anchored near its neighbours, or near the surface of its link; `place` is its index on the link."""
-        own = self._lines(axis.link)
-        after, before = own[place + 1 :], [a for link in self.path(axis.link)[:-1] for a in self._lines(link)]
+        own = self._lines[axis.link]
+        after, before = own[place + 1 :], [a for link in self.path(axis.link)[:-1] for a in self._lines[link]]
         groups = [[a] for a in after] + self._below(axis.link) + [[a] for a in reversed(before + own[:place])]
         for group in groups:
             crossing = [a for a in group if abs(a.direction @ axis.direction) < ALIGNED]
@@ -157,13 +159,13 @@ class Links:
         """The hinges of all links that a link carries, those as many links away together."""
         level, found = self.children[link], []
         while level:
-            found.append([a for child in level for a in self._lines(child)])
+            found.append([a for child in level for a in self._lines[child]])
             level = [c for child in level for c in self.children[child]]
         return found
 
     def axes_along(self, links: list[int]) -> list[Axis]:
         """The hinges of a chain of links, in order."""
-        return [axis for link in links for axis in self.axes(link)]
+        return [axis for link in links for axis in self.axes[link]]
 
     def bodies(self, link: int) -> list[int]:
         """The bodies of a link."""

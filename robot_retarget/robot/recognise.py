@@ -251,7 +251,7 @@ def _head(
         return {}
     head = box_middle(top.cloud)
     neck = top.base if top.base is not None else shoulders + NECK * (head - shoulders)
-    where = trunk if top.base is None else links.parent(top.link) if links.axes(top.link) else top.link
+    where = trunk if top.base is None else links.parent(top.link) if links.axes[top.link] else top.link
     return {
         "neck": _site(links, where if where in links.ids else trunk, neck, LIKELY, "base of the head"),
         "head": _site(links, top.link, head, top.confidence, top.evidence),
@@ -309,7 +309,7 @@ def _hands(links: Links, sites: dict[str, KeypointSite]) -> dict[str, tuple[int,
     robot = links.robot
     pose = robot.neutral()
     for elbow in {arm[1].body for arm in arms.values()}:
-        hinges = np.isin(robot.joint_ids, [axis.joint for axis in links.axes(elbow)])
+        hinges = np.isin(robot.joint_ids, [axis.joint for axis in links.axes[elbow]])
         pose[robot.qpos_index[hinges]] = ((robot.lower + robot.upper) / 2)[hinges]
     bent, frames = Links(robot, pose), {}
     for side, arm in arms.items():

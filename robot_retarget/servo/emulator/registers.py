@@ -6,17 +6,17 @@ REBOUND_FROM = 64
 """Indirect addresses reach from here to the end of the table."""
 
 
-class Registers:
-    """Named bytes: which addresses exist, without their meaning."""
+class Registers(dict[str, int]):
+    """Values by name, over bytes by address: which addresses exist, without their meaning."""
 
     def __init__(self, model: Model) -> None:
+        super().__init__()
         self.model = model
         self.by_name: dict[str, Register] = model.registers
         self.at: dict[int, tuple[str, Register]] = {
             register.address: (name, register) for name, register in self.by_name.items()
         }
         self._bytes = bytearray(TABLE_END)
-        self._values: dict[str, int] = {}
         self._exists = bytearray(TABLE_END)
         for register in self.by_name.values():
             self._exists[register.address : register.address + register.size] = b"\x01" * register.size
@@ -45,18 +45,12 @@ class Registers:
                 self._bytes[first + 2 * k : first + 2 * k + 2] = (data + k).to_bytes(2, "little")
                 self._bytes[data + k] = 0
 
-    def __contains__(self, name: str) -> bool:
-        return name in self.by_name
-
-    def __getitem__(self, name: str) -> int:
-        return self._values[name]
-
     def __setitem__(self, name: str, value: int) -> None:
         register = self.by_name[name]
         span = (1 << 8 * register.size) - 1
         data = (int(value) & span).to_bytes(register.size, "little")
         self._bytes[register.address : register.address + register.size] = data
-        self._values[name] = register.decode(data)
+        super().__setitem__(name, register.decode(data))
 
     def exists(self, address: int, length: int) -> bool:
         """Whether a stretch starts and ends inside the table and has something in it; gaps read as 0."""
