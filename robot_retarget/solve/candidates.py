@@ -24,11 +24,12 @@ from robot_retarget.robot.kinematics import difference
 from robot_retarget.robot.mirror import mirror_of
 from robot_retarget.robot.model import HINGE
 from robot_retarget.robot.root import place_body
+from robot_retarget.solve.descent import Box, FrameSolution
 from robot_retarget.solve.options import Search
 from robot_retarget.solve.problem import ClipTargets, EdgeTargets
 from robot_retarget.solve.quadratic import Proximal
 from robot_retarget.solve.speeds import within_speeds
-from robot_retarget.solve.sqp import Box, FrameSolution, FrameSolver
+from robot_retarget.solve.sqp import FrameSolver
 
 LIMBS = ("l_hand", "r_hand", "head")
 """Ends of the limbs that change basins independently."""

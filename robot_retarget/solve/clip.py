@@ -15,13 +15,14 @@ from robot_retarget.progress import Count
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.swept import SweptConfiguration, swept_configurations
 from robot_retarget.solve.candidates import coarse_path
+from robot_retarget.solve.descent import Box, Descent, FrameSolution
 from robot_retarget.solve.limits import Differences, JointBounds
 from robot_retarget.solve.options import Search, Smoothing
 from robot_retarget.solve.problem import ClipTargets, Problem, targets_of
 from robot_retarget.solve.quadratic import Proximal
 from robot_retarget.solve.smooth import smooth_offsets
 from robot_retarget.solve.speeds import within_speeds
-from robot_retarget.solve.sqp import Box, Descent, FrameSolution, FrameSolver
+from robot_retarget.solve.sqp import FrameSolver
 from robot_retarget.solve.windows import ClipPiece
 
 ROUNDS = 3

@@ -18,10 +18,11 @@ from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, tangent_names
 from robot_retarget.solve.causal import causal_poses
 from robot_retarget.solve.clip import clip_poses, measured_by
+from robot_retarget.solve.descent import FrameSolution
 from robot_retarget.solve.options import Search, Smoothing, SolveOptions
 from robot_retarget.solve.problem import Problem, build_problem, targets_of
 from robot_retarget.solve.solution import Solution
-from robot_retarget.solve.sqp import FrameSolution, FrameSolver
+from robot_retarget.solve.sqp import FrameSolver
 from robot_retarget.solve.unmet import unmet_edges
 from robot_retarget.solve.windows import ClipPiece
 from robot_retarget.trajectory import Trajectory

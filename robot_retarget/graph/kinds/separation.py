@@ -41,7 +41,8 @@ class SeparationKind(Kind):
         watched = _watched(track, state)
         distance, geoms, slope = watched.surfaces.near(state.qpos)
         first, second = geoms.T
-        edges, rest = watched.edges[first, second], watched.surfaces.rest[first, second]
+        pair = first * len(watched.edges) + second
+        edges, rest = watched.edges.take(pair), watched.surfaces.rest.take(pair)
         if edges.min(initial=0) >= 0:
             return MeasureRows(distance, slope, edges, rest)
         kept = np.flatnonzero(edges >= 0)
@@ -60,7 +61,7 @@ class SeparationKind(Kind):
 
 @dataclass(frozen=True, eq=False)
 class _Watched:
-    """The surfaces of a track's edges."""
+    """The surfaces of a track's edges. The floor is the geom −1, so the place of a pair in flat tables counts from the end."""
 
     surfaces: Surfaces
     edges: Ints

@@ -12,9 +12,10 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.ramps import smoothstep
+from robot_retarget.solve.descent import Box, FrameSolution
 from robot_retarget.solve.options import RealTime
 from robot_retarget.solve.problem import EdgeTargets
-from robot_retarget.solve.sqp import Box, FrameSolution, FrameSolver
+from robot_retarget.solve.sqp import FrameSolver
 
 LED = 0.25
 """Hinges move to the home pose if they differ by more than this share of the basin threshold (`RealTime.same`) [-]

@@ -21,11 +21,12 @@ from robot_retarget.robot.kinematics import Bodies
 from robot_retarget.scene.scene import Scene
 from robot_retarget.solve.candidates import with_root
 from robot_retarget.solve.compiled import Compiled
+from robot_retarget.solve.descent import FrameSolution
 from robot_retarget.solve.live.lag import FixedLag, SolvedFrame
 from robot_retarget.solve.live.realtime import RealTimeSolver
 from robot_retarget.solve.options import RealTime, Smoothing
 from robot_retarget.solve.problem import EdgeTargets, Problem, build_problem
-from robot_retarget.solve.sqp import FrameSolution, FrameSolver
+from robot_retarget.solve.sqp import FrameSolver
 
 FIRST = 1 / 30
 """Assumed duration of the first frame [s]."""

@@ -10,11 +10,12 @@ from robot_retarget.arrays import Floats
 from robot_retarget.graph.role import SECOND_DIFFERENCE
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
+from robot_retarget.solve.descent import FrameSolution
 from robot_retarget.solve.options import Smoothing
 from robot_retarget.solve.problem import EdgeTargets
 from robot_retarget.solve.quadratic import Proximal
 from robot_retarget.solve.smooth import smooth_offsets
-from robot_retarget.solve.sqp import FrameSolution, FrameSolver
+from robot_retarget.solve.sqp import FrameSolver
 from robot_retarget.solve.stencils import Neighbours
 
 GIVEN = 2

@@ -17,12 +17,13 @@ from robot_retarget.graph.role import CAUSAL_DIFFERENCE
 from robot_retarget.graph.status import Status
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
+from robot_retarget.solve.descent import Box, FrameSolution
 from robot_retarget.solve.honoured import FARTHEST
 from robot_retarget.solve.live.basin_escape import BasinEscape
 from robot_retarget.solve.options import RealTime
 from robot_retarget.solve.problem import EdgeTargets
 from robot_retarget.solve.quadratic import Proximal
-from robot_retarget.solve.sqp import Box, FrameSolution, FrameSolver
+from robot_retarget.solve.sqp import FrameSolver
 from robot_retarget.solve.stencils import Neighbours
 
 
