@@ -6,7 +6,6 @@ stances a swing foot follows its own path, with an offset that changes from one 
 """
 
 from dataclasses import dataclass
-from itertools import accumulate
 
 import numpy as np
 
@@ -212,19 +211,21 @@ def foothold_corners(
 def settled_heading(held: np.ndarray, ahead: Floats, backlash: float) -> Floats:
     """Return the heading (T,) of a foot that turns in stance only where it heads away by more than a backlash [rad].
 
-    Soles that roll over their toes, and noise, turn no foothold.
+    Soles that roll over their toes, and noise, turn no foothold. A foot that points up or down shows little of its heading:
+    the backlash grows as its length along the floor falls.
 
     Args:
         held: (T, 4) which corners stand.
-        ahead: (T, 2) directions of the foot along the floor.
-        backlash: [rad].
+        ahead: (T, 2) from the heel to the toes along the floor, in any unit.
+        backlash: of a level foot [rad].
     """
-    heading = np.unwrap(bearing(ahead))
+    heading, size = np.unwrap(bearing(ahead)), np.linalg.norm(ahead, axis=1)
+    slack = backlash * size.max() / np.maximum(size, 1e-9)
     for start, stop in intervals(np.asarray(held.any(axis=1))):
-        own = heading[start:stop]
-        first = min(max(float(np.median(own)), own[0] - backlash), own[0] + backlash)
-        settled = accumulate(own, lambda last, to: min(max(last, to - backlash), to + backlash), initial=first)
-        heading[start:stop] = list(settled)[1:]
+        lower, upper = heading[start:stop] - slack[start:stop], heading[start:stop] + slack[start:stop]
+        kept = float(np.median(heading[start:stop]))
+        for t, ends in enumerate(zip(lower, upper, strict=True), start):
+            kept = heading[t] = min(max(kept, ends[0]), ends[1])
     return heading
 
 

@@ -188,6 +188,13 @@ def test_the_heading_of_a_stance_stays_within_a_backlash_of_the_foot_and_moves_n
     assert np.allclose(settled_heading(~stands, ahead, backlash), foot)
 
 
+def test_a_foot_that_points_down_turns_no_foothold_by_noise() -> None:
+    foot, size = 0.3 * (-1.0) ** np.arange(20), np.where(np.arange(20) < 10, 1.0, 0.2)
+    ahead = size[:, None] * np.column_stack([np.cos(foot), np.sin(foot)])
+    settled = settled_heading(np.ones((20, 4), dtype=bool), ahead, 0.1)
+    assert np.ptp(settled[10:]) == 0 and np.ptp(settled[:10]) > 0.3
+
+
 @given(st.integers(0, 2**32 - 1))
 def test_a_foothold_that_turns_keeps_a_corner_its_shape_and_the_floor(seed: int) -> None:
     corners = flattened(tilted(np.random.default_rng(seed), 20))

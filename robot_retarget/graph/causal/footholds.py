@@ -1,6 +1,7 @@
 """Footholds of a stream: a sole stands where the robot put it down; in swing it returns to the human's path."""
 
 import numpy as np
+from numpy.linalg import norm
 
 from robot_retarget.arrays import Floats, bearing
 from robot_retarget.graph.context import RetargetContext, StreamFrame
@@ -84,7 +85,10 @@ class CausalFootholds:
         """Turn the foothold about the ball of the big toe, or that side of the heel, as far as the human's foot heads away."""
         away = bearing(lengths(carried)) - bearing(lengths(self.landed[foot]))
         away = (away + np.pi) % (2 * np.pi) - np.pi
-        turn = away - np.clip(away, -self.backlash, self.backlash)
+        slack = (
+            self.backlash * norm(lengths(self.places[foot])) / max(norm(lengths(carried)), 1e-9)
+        )  # as `settled_heading`
+        turn = away - np.clip(away, -slack, slack)
         if turn:
             corner = (TOE if held[TOE].any() else HEEL)[self.feet[foot] == "l"]
             pair = np.stack([self.places[foot], self.landed[foot]])

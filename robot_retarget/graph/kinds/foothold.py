@@ -156,14 +156,15 @@ class FootholdKind(Kind):
         """Return the heading (T,) of each foot with which its stances turn [rad].
 
         It is halfway between the human's and that of the robot's leg: a foot goes where its knee points, which a straight leg
-        leaves open.
+        leaves open. A foot that points up or down counts as much as it shows along the floor.
 
         Args:
             held: (T, F, 4) which corners stand.
             plan: (T, F, 4, 3) corners read off the human [m].
             corners: (T, F, 4, 3) corners on the coarse path [m].
         """
-        ahead = unit(lengths(plan)) + unit(lengths(corners))
+        shown, sole = lengths(corners), np.linalg.norm(lengths(plan), axis=-1, keepdims=True)
+        ahead = unit(lengths(plan)) + shown / np.maximum(sole, 1e-9)
         return [settled_heading(held[:, k], ahead[:, k], self.backlash) for k in range(held.shape[1])]
 
     @staticmethod
