@@ -4,9 +4,10 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.ndimage import find_objects, label, maximum_filter1d
+from scipy.ndimage import maximum_filter1d
 
 from robot_retarget.arrays import Bools
+from robot_retarget.human.stance import intervals
 from robot_retarget.robot.body_distances import RobotAmongBodies
 from robot_retarget.robot.feet import feet_of
 from robot_retarget.robot.model import Robot
@@ -46,10 +47,10 @@ def planned_touches(robot: Robot, trajectory: Trajectory) -> list[Touch]:
         for pair in zip(found.links.tolist(), found.bodies.tolist(), strict=True):
             near.setdefault(pair, np.zeros(frames, bool))[t] = True
     return [
-        Touch(*pair, span.start, span.stop - 1)
+        Touch(*pair, start, stop - 1)
         for pair, flags in sorted(near.items())
-        for (span,) in find_objects(label(flags)[0])
-        if span.stop - span.start >= BRIEF * trajectory.fps
+        for start, stop in intervals(flags)
+        if stop - start >= BRIEF * trajectory.fps
     ]
 
 

@@ -93,9 +93,10 @@ def test_a_swing_goes_over_the_edge_of_a_step_and_ends_flat_on_it() -> None:
 
 def apart() -> int:
     """A frame of the sample in which both feet stand, one of them on the step."""
-    assert stepped().balance is not None
-    both = stepped().balance.timeline.planted.all(axis=1)
-    frames = np.flatnonzero(both & (np.ptp(stepped().balance.places[..., 2], axis=(1, 2)) > 0.02))
+    balance = stepped().balance
+    assert balance is not None
+    both = balance.timeline.planted.all(axis=1)
+    frames = np.flatnonzero(both & (np.ptp(balance.places[..., 2], axis=(1, 2)) > 0.02))
     return int(frames[len(frames) // 2])
 
 

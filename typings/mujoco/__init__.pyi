@@ -3,7 +3,7 @@
 MuJoCo ships no stubs. A field that is missing here is added with the type that MuJoCo documents. Rendering is not typed.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from enum import IntEnum
 from typing import Any
 
@@ -225,6 +225,7 @@ class MjModel:
     body_parentid: Ints
     body_rootid: Ints
     body_weldid: Ints
+    body_geomnum: Ints
     dof_bodyid: Ints
     dof_jntid: Ints
     exclude_signature: Ints
@@ -282,6 +283,8 @@ class MjModel:
     vis: Any
     @staticmethod
     def from_xml_path(filename: str, assets: dict[str, bytes] | None = None) -> MjModel: ...
+    @staticmethod
+    def from_binary_path(filename: str, assets: dict[str, bytes] | None = None) -> MjModel: ...
     @staticmethod
     def from_xml_string(xml: str, assets: dict[str, bytes] | None = None) -> MjModel: ...
     def actuator(self, name: str | int) -> _ModelActuator: ...
@@ -347,6 +350,7 @@ class _Contacts:
     geom: Ints
     def __len__(self) -> int: ...
     def __getitem__(self, index: int) -> _Contact: ...
+    def __iter__(self) -> Iterator[_Contact]: ...
 
 class MjData:
     def __init__(self, model: MjModel) -> None: ...
