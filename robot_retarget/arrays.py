@@ -56,3 +56,9 @@ def bearing(ahead: Floats) -> Floats:
 def leftward(ahead: Floats) -> Floats:
     """What lies to the left of directions along the floor (…, 2)."""
     return np.stack([-ahead[..., 1], ahead[..., 0]], axis=-1)
+
+
+def intervals(flags: Bools) -> list[tuple[int, int]]:
+    """Return the runs of True as (first, last + 1)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))

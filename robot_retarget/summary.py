@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
+from robot_retarget.arrays import intervals
 from robot_retarget.errors import MatchError
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.track import HARD, Track
 from robot_retarget.human.features import features_of
 from robot_retarget.human.match import match
-from robot_retarget.human.stance import intervals
 from robot_retarget.human.stature import leg_length, stature
 from robot_retarget.human.terrain import with_terrain
 from robot_retarget.motion import Motion

@@ -7,9 +7,8 @@ footholds move by the same amount, so steps within reach stay unchanged.
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, intervals
 from robot_retarget.balance.foot_spacing import ahead
-from robot_retarget.human.stance import intervals
 
 REACH = 0.35
 """Largest distance of a foothold from its place next to the other foot, over the leg length."""

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, intervals
 from robot_retarget.errors import BalanceError
-from robot_retarget.human.stance import StanceRule, intervals, over_lowest, without_flicker
+from robot_retarget.human.stance import StanceRule, over_lowest, without_flicker
 from robot_retarget.scene.ground import SolidGround, filled
 
 

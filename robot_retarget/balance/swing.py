@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, intervals
 from robot_retarget.balance.foot_spacing import gaps, left
 from robot_retarget.graph.soles import flattened, laid
-from robot_retarget.human.stance import intervals
 from robot_retarget.ramps import smoothstep
 from robot_retarget.scene.ground import SolidGround, filled
 

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
-from robot_retarget.arrays import Floats
-from robot_retarget.human.stance import intervals
+from robot_retarget.arrays import Floats, intervals
 from robot_retarget.robot import Robot
 
 SPARE = 0.3

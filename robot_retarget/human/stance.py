@@ -101,12 +101,6 @@ def _hysteresis(enter: Bools, stay: Bools) -> Bools:
     return stay & entered[runs]
 
 
-def intervals(flags: Bools) -> list[tuple[int, int]]:
-    """Return the runs of True as (first, last + 1)."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
-
-
 def lowest_over_time(heights: Floats, fps: float) -> Floats:
     """Return the lowest of heights (T, K) within `WINDOW` to either side of each frame (T,), smoothed."""
     reach = max(1, round(WINDOW * fps))

@@ -10,11 +10,11 @@ from typing import Literal
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, intervals
 from robot_retarget.human.activity import ActivityRule, is_supported
 from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion
-from robot_retarget.human.stance import StanceRule, intervals, speed_of
+from robot_retarget.human.stance import StanceRule, speed_of
 from robot_retarget.human.surroundings import with_scene
 from robot_retarget.scene.scene import RigidBody, Scene
 from robot_retarget.scene.shape import ShapeKind, solid

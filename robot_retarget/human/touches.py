@@ -12,11 +12,11 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Bools, Floats, Ints, unit
+from robot_retarget.arrays import Bools, Floats, Ints, intervals, unit
 from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.skeleton import Skeleton
-from robot_retarget.human.stance import StanceRule, intervals, without_flicker
+from robot_retarget.human.stance import StanceRule, without_flicker
 from robot_retarget.scene.geoms import SceneModel
 from robot_retarget.scene.scene import Scene
 from robot_retarget.scene.shape import ShapeKind

@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Floats, unit
+from robot_retarget.arrays import Floats, intervals, unit
 from robot_retarget.human.recognition.recognise import Recognition
-from robot_retarget.human.stance import StanceRule, intervals, standing
+from robot_retarget.human.stance import StanceRule, standing
 from robot_retarget.human.stature import leg_length
 from robot_retarget.motion.capture import Capture
 

@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.arrays import Bools, Floats
+from robot_retarget.arrays import Bools, Floats, intervals
 from robot_retarget.graph.describe import RobotGraph
-from robot_retarget.human.stance import intervals
 from robot_retarget.robot import world_points
 from robot_retarget.score.pair import PARTS, Pair
 from robot_retarget.score.travel import Travel, human_travel, robot_travel

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.arrays import Bools, Floats
+from robot_retarget.arrays import Bools, Floats, intervals
 from robot_retarget.human.activity import ActivityRule
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.match import Match
-from robot_retarget.human.stance import intervals, over_lowest
+from robot_retarget.human.stance import over_lowest
 from robot_retarget.robot import Robot, world_points
 from robot_retarget.robot.feet import sole_corners
 

@@ -6,8 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
-from robot_retarget.arrays import Bools
-from robot_retarget.human.stance import intervals
+from robot_retarget.arrays import Bools, intervals
 from robot_retarget.robot.body_distances import RobotAmongBodies
 from robot_retarget.robot.feet import feet_of
 from robot_retarget.robot.model import Robot

@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 from shared_files import ROOT
 
 import robot_retarget as rr
-from robot_retarget.arrays import unit
+from robot_retarget.arrays import intervals, unit
 from robot_retarget.balance.swing import foothold_places
-from robot_retarget.human.stance import intervals
 from robot_retarget.robot.dynamics import ground_push, root_dofs
 from robot_retarget.robot.feet import feet_of
 from robot_retarget.robot.stance import planned_stance

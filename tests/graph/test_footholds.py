@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, intervals
 from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.graph.footholds import (
     foothold_corners,
@@ -25,7 +25,6 @@ from robot_retarget.graph.track import HARD
 from robot_retarget.human.features import features_of
 from robot_retarget.human.ground import floor_under
 from robot_retarget.human.match import match
-from robot_retarget.human.stance import intervals
 from robot_retarget.motion import Motion, read_motion
 from robot_retarget.ramps import smoothstep
 from robot_retarget.robot import load_robot, world_points
