@@ -1,6 +1,6 @@
 """Box and climb of the public comparison `Arkitect-z/retargeting_comparison`, on the data of the wheel `holosoma-retargeting`.
 
-    pip download --no-deps holosoma-retargeting; unzip it; python scripts/bench/bench_scene.py FOLDER CASE [--frames N] [--model FILE]
+    pip download --no-deps holosoma-retargeting; unzip it; python scripts/bench/bench_scene.py FOLDER CASE [--frames N] [--model FILE] [--stream]
 
 The cases of the comparison are `box` and `climb`; the wheel has a second box and four more climbs. `--model` solves for another robot of the wheel,
 such as models/g1/g1_29dof_spherehand.xml, which OmniRetarget takes for climbs.
@@ -14,6 +14,7 @@ second number counts only the lowest spheres of the foot. All distances are MuJo
 import argparse
 import re
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
@@ -23,6 +24,7 @@ import robot_retarget as rr
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.placed_scene import placed_scene
 from robot_retarget.pipeline import Result
+from robot_retarget.solve.solve import trajectory_of
 
 TOUCH = (-0.0011, 0.02)
 SLIP = (np.sqrt(2) + 0.1) * 1e-3
@@ -65,7 +67,22 @@ CASES |= {f"climb{k or ''}": (climb, f"mocap_climb_seq_{k}") for k in range(5)}
 """Per case its reader, and the clip."""
 
 
-def distances(result: Result) -> tuple[np.ndarray, list[str]]:
+@dataclass(frozen=True, eq=False)
+class Streamed:
+    """What a stream makes of a motion."""
+
+    graph: RobotGraph
+    robot: rr.Robot
+    trajectory: rr.Trajectory
+
+
+def streamed(motion: rr.Motion, graph: RobotGraph, scale: float | None) -> Streamed:
+    """Return the motion frame by frame, with the pose of the bodies at each."""
+    qpos = np.array(list(rr.stream(graph.robot, motion, scene_scale=scale)))
+    return Streamed(graph, graph.robot, trajectory_of(graph.motion, graph.robot, qpos))
+
+
+def distances(result: Result | Streamed) -> tuple[np.ndarray, list[str]]:
     """Return (T, G) least distance of each solid geom of the robot from the bodies [m], and the names of the geoms."""
     graph = result.graph
     scene = placed_scene(graph.human, graph.match)
@@ -85,7 +102,7 @@ def distances(result: Result) -> tuple[np.ndarray, list[str]]:
     return found, [result.robot.model.geom(g).name for g in geoms]
 
 
-def slips(result: Result, graph: RobotGraph) -> tuple[float, float]:
+def slips(result: Result | Streamed, graph: RobotGraph) -> tuple[float, float]:
     """Return the share of frames in which a sphere of a sole slips while the human's toe is still, of all spheres and of the lowest [%]."""
     robot, qpos = result.robot, result.trajectory.qpos
     data, spheres = (
@@ -123,6 +140,7 @@ def main() -> None:
     parser.add_argument("case", choices=CASES)
     parser.add_argument("--model", type=Path, help="the robot; by default that of the comparison")
     parser.add_argument("--frames", type=int, help="the first N frames alone")
+    parser.add_argument("--stream", action="store_true", help="frame by frame, in place of the whole clip")
     parser.add_argument("--out", type=Path, help="write the trajectory here")
     given = parser.parse_args()
     read, name = CASES[given.case]
@@ -132,7 +150,7 @@ def main() -> None:
     began = time.process_time()
     graph = rr.describe(motion, robot, scene_scale=scale)
     described = time.process_time() - began
-    result = rr.solve(graph, balance="off")
+    result = streamed(motion, graph, scale) if given.stream else rr.solve(graph, balance="off")
     took = time.process_time() - began
     least, names = distances(result)
     for title, own in (("all", ""), ("hands", HANDS), ("feet", FEET)):
@@ -146,10 +164,11 @@ def main() -> None:
     print(
         f"slips {every:.1f} %, of the lowest spheres {lowest:.1f} %; {len(motion)} frames in {took:.1f} s CPU (describe {described:.1f}), {len(motion) / took:.0f} fps"
     )
-    print(
-        {name: round(float(stress.sum()), 2) for name, stress in result.solution.stress.items()},
-        [e.sentence for e in result.solution.unmet][:4],
-    )
+    if isinstance(result, Result):
+        print(
+            {name: round(float(stress.sum()), 2) for name, stress in result.solution.stress.items()},
+            [e.sentence for e in result.solution.unmet][:4],
+        )
     if given.out:
         result.trajectory.save(given.out)
 

@@ -49,6 +49,8 @@ class ContactKind(Kind):
     whole = True
     along: float = 400.0
     """π along the surface, over the squared leg [-]: below that of the distance, because no arm reaches every place."""
+    lead: float = 0.2
+    """Rise and fall time of a touch in a stream [s], which an arm needs to the body: a touch is known when the human arrives."""
     every: bool = False
     """Whether pairs have edges that never touch in the motion as well: a stream does not know which will."""
     pairs: tuple[tuple[str, int], ...] = ()
@@ -88,7 +90,7 @@ class ContactKind(Kind):
         scene, around = context.scene, context.human.around
         if scene is None or around is None:
             return None
-        reach, last = context.seconds / RAMP, memory.get("strength", 0.0)
+        reach, last = context.seconds / self.lead, memory.get("strength", 0.0)
         memory["strength"] = np.clip(around.touches.held.astype(float), last - reach, last + reach)
         lower, priority = self.sides(scene, around.touches, memory["strength"])
         return lower[0], lower[0], priority[0]
