@@ -168,13 +168,13 @@ def _opened(wanted: StreamInputOptions, around: "Scene | None") -> "Iterator[Fra
 
 
 def _scene_of(how: StreamOptions, target: str) -> "Scene | None":
-    """The bodies around the performer; a note where they are not shown."""
+    """The bodies around the performer; a note where they are not simulated."""
     from robot_retarget.scene import read_scene
 
     if how.scene is None:
         return None
-    if target in ("view", "mujoco"):
-        console.note(f"--to {target} shows the robot without the bodies of {how.scene}")
+    if target == "mujoco":
+        console.note(f"--to mujoco simulates the robot without the bodies of {how.scene}")
     return replace(read_scene(how.scene), scale=how.scale)
 
 
@@ -191,7 +191,7 @@ def _to_page(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str, An
 
     from robot_retarget.live.sinks.page import PageSink
 
-    sink = PageSink(poses.robot, place.page)
+    sink = PageSink(poses.robot, place.page, poses.scene)
     console.to_stderr(f"{sink.served.address} shows it; from elsewhere first: {sink.served.tunnel_command()}")
     thread = Thread(target=sink.served.forever, daemon=True)
     thread.start()

@@ -104,6 +104,11 @@ class LiveScene:
         return with_bodies(motion, self.scene(own.poses(len(motion.clip))))
 
 
+def first_frame(scene: Scene) -> Scene:
+    """Return a scene at its first poses, with those relative to the carriers of bodies that have one."""
+    return replace(scene, bodies=tuple(_at(body, np.atleast_2d(body.poses)[:1]) for body in scene.bodies))
+
+
 def _at(body: RigidBody, poses: Floats) -> RigidBody:
     own = poses[0] if body.shape.kind in IMMOVABLE else poses
     return replace(body, poses=own, carrier="", fps=None)

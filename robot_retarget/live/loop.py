@@ -45,6 +45,11 @@ class LivePose(Protocol):
         """(7,) pose of each body of a scene around the robot at the newest frame."""
         ...
 
+    @property
+    def size(self) -> float:
+        """Size of the bodies over their captured size [-]."""
+        ...
+
 
 def status_name(status: Any) -> str:
     """Return the name of a status in lower case."""

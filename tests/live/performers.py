@@ -61,6 +61,7 @@ class Answer:
     status: str
     age: float
     bodies: Mapping[str, Floats] = field(default_factory=dict)
+    size: float = 1.0
 
 
 class Swing:

@@ -1,6 +1,7 @@
 """The viewer draws the bodies around a robot, with their names."""
 
 from pathlib import Path
+from threading import Thread
 
 import numpy as np
 from browser import needs_browser, tab
@@ -10,6 +11,8 @@ from robot_retarget.scene.scene import RigidBody, Scene
 from robot_retarget.scene.shape import ShapeKind, solid
 from robot_retarget.trajectory import Trajectory
 from robot_retarget.view.web import Viewer, take_of
+from robot_retarget.view.web.live import LiveRobot
+from robot_retarget.view.web.serve import serve
 
 OP3 = load_robot("op3")
 
@@ -33,3 +36,29 @@ def test_bodies_are_seen_move_and_have_names(tmp_path: Path) -> None:
         assert opened.changed(lambda: opened.run("document.getElementById('layer-bodies').click()")) > 0.02
         assert not {"a box", "a step"} & set(opened.run(names))
         assert not opened.complaints()
+
+
+@needs_browser
+def test_bodies_of_a_stream_are_where_its_pose_has_them_and_have_their_size() -> None:
+    box = RigidBody("a box", solid(ShapeKind.BOX, (0.2, 0.2, 0.2)), np.array([0.5, 0, 0.1, 1.0, 0, 0, 0]))
+    floor = RigidBody("ground", solid(ShapeKind.PLANE, ()), np.array([0, 0, 0, 1.0, 0, 0, 0]))
+    live = LiveRobot(OP3, Scene((floor, box)))
+    served = serve(live.viewer, 0, following=live)
+    thread = Thread(target=served.forever, daemon=True)
+    thread.start()
+    there = np.array([0.2, 0.05, 0.3, 0.8, 0.6, 0, 0])
+    try:
+        with tab() as opened:
+            opened.open(served.address)
+            live.show(OP3.standing(), {"ground": floor.poses, "a box": there}, 0.25)
+            opened.until("return viewer.live.poses > 0")
+            mesh = "viewer.casts[0].parts.bodies.children[0]"
+            np.testing.assert_allclose(opened.run(f"return {mesh}.position.toArray()"), there[:3], atol=1e-4)
+            np.testing.assert_allclose(
+                opened.run(f"return {mesh}.quaternion.toArray()"), there[[4, 5, 6, 3]], atol=1e-4
+            )
+            assert opened.run(f"return [{mesh}.scale.x, {mesh}.visible]") == [0.25, True]
+            assert not opened.complaints()
+    finally:
+        served.server.shutdown()
+        thread.join(5)

@@ -45,6 +45,8 @@ class StreamPose:
     """Delay of the frame that the pose follows [s]."""
     bodies: Mapping[str, Floats] = field(default_factory=dict)
     """(7,) pose of each body of the scene around the robot at the newest frame: x y z [m], quaternion w x y z."""
+    size: float = 1.0
+    """Size of the bodies over their captured size [-]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,12 +125,9 @@ class Follower:
         late, answered = pose, time
         if self.lag is not None and self.targets is not None:
             late, answered = self.lag.smoothed(SolvedFrame(pose, self.targets, time, since))
-        return StreamPose(late.qpos, time, late.status, time - answered, self._bodies())
-
-    def _bodies(self) -> Mapping[str, Floats]:
-        """Return the poses of the bodies around the robot at the newest frame."""
         scene = self.all_targets.scene
-        return {} if scene is None else dict(zip(scene.names, scene.poses(1)[0], strict=True))
+        around = ({}, 1.0) if scene is None else (dict(zip(scene.names, scene.poses(1)[0], strict=True)), scene.size)
+        return StreamPose(late.qpos, time, late.status, time - answered, *around)
 
     def _targets_at(self, human: HumanFeatures, qpos: Floats, seconds: float) -> EdgeTargets:
         targets = self.all_targets.at(human, self.corners(qpos)[0].reshape(-1, CORNERS, 3), seconds)

@@ -20,6 +20,8 @@ from robot_retarget.view.web.shapes import Shape, shapes_of, shapes_of_scene
 from robot_retarget.view.web.stress import stress_of
 from robot_retarget.view.web.take import Take
 
+SCALAR_LAST = [0, 1, 2, 4, 5, 6, 3]
+"""Columns of a pose with the quaternion as x y z w, from one as w x y z."""
 COARSE = 1e-3
 """Resolution of charts: degrees, centimetres, newton metres."""
 
@@ -67,14 +69,15 @@ def _reach(staging: Staging) -> float:
     return float(max(reach, abs(staging.aside) + 0.3 * staging.height if staging.human.size else 0.0))
 
 
-def _seen(shapes: list[Shape]) -> list[int]:
+def seen(shapes: list[Shape]) -> list[int]:
+    """Return the bodies that shapes show, in order."""
     return sorted({shape.body for shape in shapes})
 
 
 def _bodies(robot: Robot, shapes: list[Shape]) -> list[dict[str, Any]]:
     """Names of the bodies that are seen, and the last hinge that moves each."""
     found, owners = [], robot.model.jnt_bodyid[robot.joint_ids]
-    for body in _seen(shapes):
+    for body in seen(shapes):
         path = path_to_root(robot.model.body_parentid, body)
         hinges = (k for carrier in path for k in reversed(range(len(owners))) if owners[k] == carrier)
         found.append({"name": robot.model.body(body).name, "joint": next(hinges, -1)})
@@ -95,7 +98,7 @@ def _shape(shape: Shape, packer: Packer) -> dict[str, Any]:
 
 def poses(robot: Robot, qpos: Floats, shapes: list[Shape]) -> Floats:
     """(T, B, 7) places [m] and quaternions x y z w of the bodies that are seen."""
-    bodies = _seen(shapes)
+    bodies = seen(shapes)
     places, turns = body_frames(robot, qpos)
     quaternions = Rotation.from_matrix(turns[:, bodies].reshape(-1, 3, 3)).as_quat().reshape(len(qpos), -1, 4)
     return np.concatenate([places[:, bodies], quaternions], axis=2)
@@ -104,10 +107,10 @@ def poses(robot: Robot, qpos: Floats, shapes: list[Shape]) -> Floats:
 def _around(scene: Scene, frames: int, packer: Packer) -> dict[str, Any]:
     """Return names, shapes and poses of the bodies around a robot that are seen."""
     shapes = shapes_of_scene(scene)
-    seen = _seen(shapes)
-    paths = scene.poses(frames)[:, seen][..., [0, 1, 2, 4, 5, 6, 3]]
+    drawn = seen(shapes)
+    paths = scene.poses(frames)[:, drawn][..., SCALAR_LAST]
     return {
-        "names": [scene.names[body] for body in seen],
+        "names": [scene.names[body] for body in drawn],
         "shapes": [_shape(shape, packer) for shape in shapes],
         "poses": packer.add(paths, TURN),
     }
