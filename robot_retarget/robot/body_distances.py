@@ -97,13 +97,19 @@ class RobotAmongBodies:
             self._known = key, reach, self._measured(qpos, poses, reach)
         return self._known[2]
 
-    def to_face(self, qpos: Floats, poses: Floats, links: Ints, face: tuple[Floats, Floats]) -> tuple[float, Floats]:
-        """Return the least distance of links from the plane of a face, negative behind it [m], and its slope (nv,) by the tangent v.
+    def geoms_of(self, links: Ints) -> list[int]:
+        """Return the solid geoms of links."""
+        return self._geoms[np.isin(self._links, links)].tolist()
+
+    def to_face(
+        self, qpos: Floats, poses: Floats, geoms: list[int], face: tuple[Floats, Floats]
+    ) -> tuple[float, Floats]:
+        """Return the least distance of geoms from the plane of a face, negative behind it [m], and its slope (nv,) by the tangent v.
 
         Args:
             qpos: (nq,) configuration of the robot.
             poses: (B, 7) of the bodies.
-            links: bodies of the robot's model, some with geoms.
+            geoms: of the robot, one or more.
             face: a point (3,) [m] and the outward unit normal (3,).
         """
         self.place(qpos, poses)
@@ -113,7 +119,7 @@ class RobotAmongBodies:
         mujoco.mju_quat2Mat(self.data.geom_xmat[self._face], turn)
         self.data.geom_xpos[self._face] = place
         least, ends, found, nearest = np.inf, np.zeros(6), np.zeros(6), 0
-        for geom in self._geoms[np.isin(self._links, links)].tolist():
+        for geom in geoms:
             distance = mujoco.mj_geomDistance(self.model, self.data, self._face, geom, FAR, ends)
             if distance < least:
                 least, found, nearest = distance, ends.copy(), int(self.model.geom_bodyid[geom])

@@ -1,9 +1,12 @@
 """Shapes of bodies, in metres: whole edge lengths and diameters, not halves."""
 
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from functools import cached_property
 
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 
 from robot_retarget.arrays import Floats, Ints, frozen
 from robot_retarget.errors import SceneError
@@ -55,10 +58,12 @@ class BodyShape:
         vertices = self.vertices * [1.0, -1.0, 1.0]
         return replace(self, vertices=vertices, faces=self.faces[:, ::-1], heights=self.heights[::-1])
 
-    @property
+    @cached_property
     def corners(self) -> Floats:
         """(P, 3) points whose convex hull holds the shape, in the body's frame [m]; the origin alone of a plane."""
         if self.kind is ShapeKind.MESH:
+            with suppress(QhullError, ValueError):  # a flat mesh has no hull
+                return self.vertices[ConvexHull(self.vertices).vertices]
             return self.vertices
         signs = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
         if self.kind is ShapeKind.HEIGHT_FIELD:

@@ -71,13 +71,14 @@ def test_the_distance_of_a_face_is_that_of_the_nearest_corner_with_its_slope() -
     scene = rr.read_scene(SCENES / "box.toml")
     among, rng = RobotAmongBodies(OP3, scene), np.random.default_rng(5)
     link, pose = OP3.model.body("l_el_link").id, np.array(OP3.standing())
+    geoms = among.geoms_of(np.array([link]))
     normal = rng.normal(size=3)
     face, poses = (np.array([0.1, 0.2, 0.3]), normal / np.linalg.norm(normal)), scene.poses(271)[0]
 
     def distance(qpos: np.ndarray) -> float:
-        return among.to_face(qpos, poses, np.array([link]), face)[0]
+        return among.to_face(qpos, poses, geoms, face)[0]
 
-    least, slope = among.to_face(pose, poses, np.array([link]), face)
+    least, slope = among.to_face(pose, poses, geoms, face)
     assert least == pytest.approx(nearest_corner(pose, link, face), abs=1e-6)
     step, moved = rng.normal(size=OP3.model.nv) * 1e-6, pose.copy()
     mujoco.mj_integratePos(OP3.model, moved, step, 1.0)

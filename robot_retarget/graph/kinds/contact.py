@@ -116,9 +116,12 @@ class ContactKind(Kind):
         assert self.scene is not None
         part, _ = self.pairs[pair]
         site, among = state.match.anatomy.sites[part], self.scene.among(state.robot)
-        links = links_of(part, state.robot, state.match.anatomy)
+        geoms = state.memory.get(f"geoms of {part}")
+        if geoms is None:
+            geoms = among.geoms_of(links_of(part, state.robot, state.match.anatomy))
+            state.memory[f"geoms of {part}"] = geoms
         place, normal = target[:3], unit(target[3:])
-        distance, away = among.to_face(state.qpos, poses, links, (place, normal))
+        distance, away = among.to_face(state.qpos, poses, geoms, (place, normal))
         x, slope = among.point(site.body, site.offset)
         along = np.eye(3) - np.outer(normal, normal)
         values = np.append(distance, place + along @ (x - place))
