@@ -37,8 +37,9 @@ class TerrainRule:
     """... for this time, while the other foot does not rest on a lower level [s]."""
     beside: float = 0.8
     """Footprints of one level at most this far apart are on one box [-]."""
-    margin: float = 0.15
-    """A box reaches this far around its footprints, short of footprints of lower levels [-]."""
+    margin: float = 0.3
+    """A box reaches this far around its footprints, or half the way to those of lower levels [-]: soles of small robots are twice as
+    long as a human's."""
     flesh: float = 0.1
     """From the pelvis down to a seat [-]."""
     sat: float = 0.8
@@ -140,30 +141,20 @@ def _beside(prints: list[Footprint], reach: float) -> list[list[Footprint]]:
 
 
 def _box(name: str, height: float, points: Floats, below: Floats, margin: float) -> RigidBody:
-    """Return a box from the floor up to a height around points (P, 2), along their feet, that leaves out the points `below` (Q, 2)."""
+    """Return a box from the floor up to a height around points (P, 2), along their feet, at most half the way to the points `below` (Q, 2)."""
     ahead = (points[::2] - points[1::2]).sum(axis=0)
     heading = float(np.arctan2(ahead[1], ahead[0]))
     axes = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
     own, others = points @ axes.T, below @ axes.T
-    low, high = own.min(axis=0) - margin, own.max(axis=0) + margin
-    for place in others:
-        if ((place > low - margin / 2) & (place < high + margin / 2)).all():
-            _cut(low, high, place, own, margin / 2)
-    return _standing(name, np.append(high - low, height), (low + high) / 2 @ axes, heading)
-
-
-def _cut(low: Floats, high: Floats, place: Floats, own: Floats, margin: float) -> None:
-    """Move the side of a rectangle that loses least, so that it leaves out a place; never over the points `own` (P, 2)."""
-    losses = np.concatenate([place + margin - low, high - place + margin])
     least, most = own.min(axis=0), own.max(axis=0)
-    for side in np.argsort(losses):
-        axis = int(side) % 2
-        if side < 2 and place[axis] < least[axis]:
-            low[axis] = min(place[axis] + margin, least[axis])
-            return
-        if side >= 2 and place[axis] > most[axis]:
-            high[axis] = max(place[axis] - margin, most[axis])
-            return
+    low, high = least - margin, most + margin
+    for place in others:
+        axis = int(np.maximum(least - place, place - most).argmax())
+        if place[axis] < least[axis]:
+            low[axis] = max(low[axis], (place[axis] + least[axis]) / 2)
+        elif place[axis] > most[axis]:
+            high[axis] = min(high[axis], (place[axis] + most[axis]) / 2)
+    return _standing(name, np.append(high - low, height), (low + high) / 2 @ axes, heading)
 
 
 def _standing(name: str, size: Floats, middle: Floats, heading: float) -> RigidBody:
