@@ -31,7 +31,7 @@ SLIP = (np.sqrt(2) + 0.1) * 1e-3
 STILL = 0.01
 LOWEST = 0.003
 """Spheres of a foot this near to its lowest one carry it [m]."""
-HANDS, FEET = "rubber_hand|thumb|pinky|wrist", "ankle"
+HANDS, FEET = "rubber_hand|sphere_hand|thumb|pinky|wrist", "ankle"
 """Links of hands and feet, by the names of the geoms."""
 
 
