@@ -43,6 +43,7 @@ PICTURES = {
         (1200, 1010),
         "viewer.player.seek(4.5); viewer.panel.toggle('near'); viewer.panel.toggle('edges')",
     ),
+    "bodies": ("bodies.html", (1000, 700), "viewer.player.seek(4.5)"),
     "compare": ("two.html", (1200, 1140), "viewer.player.seek(2.5); viewer.panel.toggle('near')"),
 }
 """Page, width and height of the window [pixels], and what happens on the page before the picture."""
@@ -84,9 +85,16 @@ def _pages(pages: Path) -> None:
         _command("run", SAMPLES / f"{clip}.bvh", "--robot", "op3", "--out", pages / clip)
     takes = [shutil.copy(pages / clip / "trajectory.npz", pages / f"{clip}.npz") for clip in ("walk", "wave")]
     _command("view", *takes, "--robot", "op3", "--static", pages / "two.html")
+    _bodies(pages / "bodies.html")
     result = rr.retarget(SAMPLES / "wave.bvh", "op3", balance="off")
     (pages / "touchup.html").write_text(rr.view(result).page_with(touchable=True), encoding="utf-8")
     _command("batch", SAMPLES, "--robot", "op3", "--out", pages / "set")
+
+
+def _bodies(page: Path) -> None:
+    """Make the viewer of a box that is lifted from a table."""
+    lift = rr.read_motion(SAMPLES / "scenes/box.bvh").with_scene(rr.read_scene(SAMPLES / "scenes/box.toml"))
+    rr.view(rr.solve(rr.describe(lift, "op3"), balance="off")).save(page)
 
 
 def _command(*words: str | Path) -> None:
