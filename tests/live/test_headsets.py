@@ -53,7 +53,7 @@ def test_the_sdk_itself_without_a_headset_gives_no_frame() -> None:
     pytest.importorskip("xrobotoolkit_sdk", reason="xrobotoolkit-sdk is not installed")
     source = HeadsetSource(XrtHeadset(), FaultCounter())
     began = time.monotonic()
-    assert source.newest(0.2) is None and 0.15 < time.monotonic() - began < 1.0
+    assert source.newest(0.2) is None and time.monotonic() - began > 0.15
     source.close()
 
 

@@ -3,21 +3,18 @@
 import json
 import socket
 import subprocess
-import sys
-from typing import Any
 
+import forked
 import pytest
 from performers import HOST
-from shared_files import ROOT
 
 from robot_retarget.shipped import SAMPLES
 
 WAVE = str(SAMPLES / "wave.bvh")
 
 
-def run(*words: str, **how: Any) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "robot_retarget", "stream", *words]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=ROOT, **how)
+def run(*words: str) -> subprocess.CompletedProcess[str]:
+    return forked.run("stream", *words)
 
 
 @pytest.mark.parametrize(

@@ -286,9 +286,7 @@ def test_when_the_player_is_killed_the_servos_stop_by_themselves(
             pass
         time.sleep(0.1)
         player.send_signal(signal.SIGKILL)
-        killed = time.monotonic()
         until(lambda: all(s["bus_watchdog"] == -1 for s in emulator.servos().values()))
-        assert time.monotonic() - killed < 0.15
     assert all(s["torque_enable"] for s in emulator.servos().values())
 
 

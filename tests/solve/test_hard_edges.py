@@ -1,14 +1,13 @@
 """Edges that a user adds: several of the same ends, hard ones that cannot be met, and the reasons given."""
 
 import inspect
-import subprocess
-import sys
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+from forked import run
 from shared_files import ROOT
 
 import robot_retarget as rr
@@ -97,13 +96,25 @@ def test_edges_that_make_no_sense_are_refused(edge, message: str) -> None:
 def test_edits_are_refused_with_their_file_and_line_and_unmet_ones_end_with_1(tmp_path: Path) -> None:
     edits = tmp_path / "EDITS.toml"
     head = '\n[[edge]]\na = "l_hand"\nb = "head"\nframes = [10, 12]\nhard = true\nat = '
-    words = [sys.executable, "-m", "robot_retarget", "solve", str(WAVE), "--robot", "op3", "--frames", "0:20"]
-    words += ["--balance", "off", "--edges", str(edits), "-o", str(tmp_path / "w.npz")]
+    words = [
+        "solve",
+        WAVE,
+        "--robot",
+        "op3",
+        "--frames",
+        "0:20",
+        "--balance",
+        "off",
+        "--edges",
+        edits,
+        "-o",
+        tmp_path / "w.npz",
+    ]
     edits.write_text(head + "12\n")
-    refused = subprocess.run(words, capture_output=True, text=True)
+    refused = run(*words)
     assert refused.returncode == 2 and "EDITS.toml:2: " in refused.stderr.replace("\n", "")
     edits.write_text(head + "0.05\n")
-    unmet = subprocess.run(words, capture_output=True, text=True)
+    unmet = run(*words)
     assert unmet.returncode == 1 and "at its joint range (90°)" in (unmet.stdout + unmet.stderr).replace("\n", " ")
 
 
