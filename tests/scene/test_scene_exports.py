@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import robot_retarget as rr
 from robot_retarget.errors import TrajectoryError, UsageError
-from robot_retarget.formats import FormatOptions
+from robot_retarget.formats import FORMATS, FormatOptions
 from robot_retarget.scene.geoms import PREFIX
 from robot_retarget.scene.scene import RigidBody, Scene
 from robot_retarget.scene.shape import ShapeKind, height_field, mesh, solid
@@ -106,12 +106,13 @@ def test_bodies_stand_in_a_file_next_to_a_format_without_them(shape: str, tmp_pa
     assert rr.load_trajectory(tmp_path / "out.csv", OP3).scene is None
 
 
-@pytest.mark.parametrize(
-    "format", ["unitree", "gmr", "mjlab", "beyondmimic", "omniretarget", "omniretarget-training", "mujoco-keyframes"]
-)
+@pytest.mark.parametrize("format", FORMATS)
 def test_bodies_survive_a_way_through_the_format_of_others(format: str, tmp_path: Path) -> None:
-    """At the rate that the format's readers assume, the bodies are where they are in time."""
-    scene, file = Scene((RigidBody("still", HULL, STILL), RigidBody("box", CUBE, PATH))), tmp_path / "out"
+    """Of every format: at the rate that its readers assume, the bodies are where they are in time."""
+    scene, file = (
+        Scene((RigidBody("still", HULL, STILL), RigidBody("box", CUBE, PATH))),
+        tmp_path / f"out{FORMATS[format].suffix}",
+    )
     rr.export(moved(scene), OP3, format, file)
     found = rr.load_trajectory(file, OP3, format)
     assert found.scene is not None and found.scene.names == scene.names
