@@ -40,10 +40,11 @@ def box(folder: Path) -> Path:
 
 
 def step(folder: Path) -> Path:
-    """Draw a step that is found in the capture."""
-    return drawn(
-        rr.retarget(SCENES / "step.bvh", rr.load_robot("op3"), terrain="auto", balance="off"), folder / "step.png"
-    )
+    """Draw the OP3 that steps on a step that is found in the capture, as simulated."""
+    result = rr.retarget(SCENES / "step.bvh", rr.load_robot("op3"), terrain="auto")
+    report = rr.simulate(result, draws=0)
+    print(report)
+    return drawn(result, folder / "step.png", replace(result.trajectory, qpos=report.series["simulated"]))
 
 
 def seat(folder: Path) -> Path:
