@@ -64,7 +64,7 @@ def _climbing(x: Floats, fps: float, leg: float, rule: FootingRule) -> tuple[str
     when = sorted((int(ground.argmin()), int(ground.argmax())))
     return (
         f"The lowest points of the body change their height by {leg * change:.2f} m from {when[0] / fps:.1f} to {when[1] / fps:.1f} s "
-        "(steps, a climb, or drift of the capture): the robot's floor is level and follows them.",
+        "(steps, a climb, or drift of the capture): without a scene or --terrain auto the robot's floor is level and follows them.",
     )
 
 
