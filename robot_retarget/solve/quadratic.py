@@ -123,12 +123,17 @@ class Quadratic:
     """The links near each other, at their last measurement."""
 
     def of(self, frames: Ints) -> "Quadratic":
-        """Return some of the frames."""
+        """Return some of the frames, which are in order; the model itself where they are all."""
+        if len(frames) == len(self.cost):
+            return self
         columns: dict[str, Any] = {name: getattr(self, name)[frames] for name in COLUMNS}
         return Quadratic(**columns, near=self.near.of(frames))
 
     def put(self, frames: Ints, other: "Quadratic", chosen: Bools) -> None:
-        """Replace frames by the chosen ones of others."""
+        """Replace frames by the chosen ones of others; all of them are taken over without a copy."""
+        if len(frames) == len(self.cost) and chosen.all():
+            vars(self).update(vars(other))
+            return
         for name in COLUMNS:
             getattr(self, name)[frames[chosen]] = getattr(other, name)[chosen]
         self.near.replace(frames[chosen], other.near, chosen)
