@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.graph.path import RootScaling, root_scaling_of
+from robot_retarget.graph.path import root_scaling_of
 from robot_retarget.human.features import HumanFeatures, features_of
 from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion
@@ -99,11 +99,12 @@ def placed_scene(human: HumanFeatures, match: Match) -> PlacedScene | None:
     """Return the bodies around a human in the robot's world; None without a scene."""
     if human.around is None:
         return None
-    scene, known = human.around.scene, root_scaling_of(human, match)
-    size = known.ratio if scene.scale is None else scene.scale
-    sized = replace(scene, bodies=tuple(replace(body, shape=body.shape.scaled(size)) for body in scene.bodies))
+    scene = human.around.scene
+    ratio, *origin = world = scene.world or _world_of(human, match)
+    size = ratio if scene.scale is None else scene.scale
+    sized = tuple(replace(body, shape=body.shape.scaled(size)) for body in scene.bodies)
     lifts = np.array([_lift(body) for body in scene.bodies])
-    return PlacedScene(sized, size, known.ratio, known.origin[:2], lifts).moved(scene)
+    return PlacedScene(replace(scene, bodies=sized, world=world), size, ratio, np.array(origin), lifts).moved(scene)
 
 
 def captured_scene(placed: Scene, motion: Motion, match: Match) -> Scene:
@@ -111,18 +112,25 @@ def captured_scene(placed: Scene, motion: Motion, match: Match) -> Scene:
 
     Args:
         placed: bodies around the robot, fixed or with a pose at every frame of the motion.
-        motion: the human at the frames of the trajectory.
+        motion: the human at the frames of the trajectory; its first place is that of the robot where the scene does not
+            have the map between their floors.
         match: keypoints of both.
     """
-    known = root_scaling_of(features_of(replace(motion, scene=None), match), match)
-    size = known.ratio if placed.scale is None else placed.scale
-    return replace(placed, bodies=tuple(_captured(body, known, size) for body in placed.bodies))
+    world = placed.world or _world_of(features_of(replace(motion, scene=None), match), match)
+    size = world[0] if placed.scale is None else placed.scale
+    return replace(placed, bodies=tuple(_captured(body, world, size) for body in placed.bodies), world=world)
 
 
-def _captured(body: RigidBody, known: RootScaling, size: float) -> RigidBody:
-    poses = body.poses.copy()
-    poses[..., 2] -= (size - known.ratio) * _lift(body) / size
-    poses[..., :3] = poses[..., :3] / known.ratio + [*known.origin[:2], 0.0]
+def _world_of(human: HumanFeatures, match: Match) -> tuple[float, float, float]:
+    """Return r and o of the map from the human's floor to the robot's."""
+    known = root_scaling_of(human, match)
+    return known.ratio, float(known.origin[0]), float(known.origin[1])
+
+
+def _captured(body: RigidBody, world: tuple[float, float, float], size: float) -> RigidBody:
+    (ratio, *origin), poses = world, body.poses.copy()
+    poses[..., 2] -= (size - ratio) * _lift(body) / size
+    poses[..., :3] = poses[..., :3] / ratio + [*origin, 0.0]
     return replace(body, poses=poses, shape=body.shape.scaled(1 / size))
 
 

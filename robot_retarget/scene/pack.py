@@ -24,11 +24,12 @@ FIELDS = {
     "scene_heights": Field("number", ("H",), required=False),
     "scene_counts": Field("integer", ("B", 4), required=False),
     "scene_scale": Field("number", bounds=(0, np.inf), required=False),
+    "scene_world": Field("number", (3,), required=False),
 }
 """Of the trajectory file: per body its name, shape, edges [m], poses, whether it is fixed, mass [kg] and friction; the vertices,
 faces and heights of all bodies one after the other, and per body the numbers of vertices, faces, rows and columns; and the size over
-the captured one, 0 or none of bodies that are scaled with the human."""
-OPTIONAL = ("scene_scale",)
+the captured one, 0 or none of bodies that are scaled with the human, and the map from the human's floor, 0 or none where it is not known."""
+OPTIONAL = ("scene_scale", "scene_world")
 """Fields that older files lack."""
 
 
@@ -48,6 +49,7 @@ def arrays_of(scene: Scene, frames: int) -> dict[str, Any]:
         "scene_heights": np.concatenate([np.zeros(0), *(shape.heights.ravel() for shape in shapes)]),
         "scene_counts": np.array([[len(s.vertices), len(s.faces), *s.heights.shape] for s in shapes]).reshape(-1, 4),
         "scene_scale": scene.scale or 0.0,
+        "scene_world": np.array(scene.world or (0.0, 0.0, 0.0)),
     }
 
 
@@ -70,7 +72,10 @@ def scene_from(values: Mapping[str, Any]) -> Scene | None:
         raise SceneError("scene_counts does not fit the vertices, faces and heights")
     shapes = [_shape(values, k, starts[k], counts[k]) for k in range(len(counts))]
     bodies = tuple(_body(values, poses, k, shape) for k, shape in enumerate(shapes))
-    return Scene(bodies, scale=float(values.get("scene_scale", 0.0)) or None)
+    ratio, x, y = map(float, values.get("scene_world", (0.0, 0.0, 0.0)))
+    return Scene(
+        bodies, scale=float(values.get("scene_scale", 0.0)) or None, world=(ratio, x, y) if ratio > 0 else None
+    )
 
 
 def _numbers(counts: np.ndarray) -> np.ndarray:

@@ -99,6 +99,8 @@ class Scene:
     notes: tuple[str, ...] = ()
     scale: float | None = None
     """Size around the robot over the captured size [-]; None scales bodies with the human."""
+    world: tuple[float, float, float] | None = None
+    """r [-] and o [m] of the map y = r (x − o) from the human's floor to the robot's, once it is chosen."""
 
     def __post_init__(self) -> None:
         if self.scale is not None and not 0 < self.scale < np.inf:
@@ -139,7 +141,7 @@ class Scene:
         for body in self.bodies:
             poses = reflected(np.atleast_2d(body.poses), plane, np.array([0.0, 1.0, 0.0]))
             bodies.append(replace(body, shape=body.shape.mirrored(), poses=poses.reshape(body.poses.shape)))
-        return replace(self, bodies=tuple(bodies))
+        return replace(self, bodies=tuple(bodies), world=None)
 
     def resampled(self, frames: Floats) -> "Scene":
         """Return the scene at fractional frames (N,), interpolated; the ends are held beyond them."""

@@ -1,5 +1,7 @@
 """Touch-ups, warnings, scores and pages know the bodies around the robot."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -69,10 +71,21 @@ def test_bodies_of_a_trajectory_go_back_to_the_human_and_come_again(scale: float
     graph = rr.describe(LIFT, OP3, scene_scale=scale)
     there = placed_scene(graph.human, graph.match)
     assert there is not None and LIFT.scene is not None
-    back = captured_scene(there.scene, graph.motion, graph.match)
-    for body, known in zip(back.bodies, LIFT.scene.bodies, strict=True):
-        np.testing.assert_allclose(body.poses, known.poses, atol=1e-9)
-        np.testing.assert_allclose(body.shape.size, known.shape.size, atol=1e-12)
+    moved = replace(
+        graph.motion, positions=graph.motion.positions + np.array([0.3, 0, 0])
+    )  # a playback may begin elsewhere
+    for placed, motion in ((there.scene, moved), (replace(there.scene, world=None), graph.motion)):
+        back = captured_scene(placed, motion, graph.match)
+        for body, known in zip(back.bodies, LIFT.scene.bodies, strict=True):
+            np.testing.assert_allclose(body.poses, known.poses, atol=1e-9)
+            np.testing.assert_allclose(body.shape.size, known.shape.size, atol=1e-12)
+
+
+def test_a_trajectory_file_keeps_the_map_from_the_floor_of_the_human(solved: Trajectory) -> None:
+    graph = rr.describe(LIFT, OP3)
+    pelvis = graph.human.positions[0, graph.match.index("pelvis")]
+    assert solved.scene is not None and solved.scene.scale == 0.24
+    assert solved.scene.world == pytest.approx((graph.match.leg_ratio, *pelvis[:2]))
 
 
 def test_a_touch_up_keeps_the_hands_on_the_box_and_out_of_it(solved: Trajectory) -> None:
