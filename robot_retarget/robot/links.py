@@ -188,7 +188,7 @@ class Links:
 
     def extent(self, link: int) -> Floats:
         """Points (P, 3) of a link's surface, and the origins of welded bodies without geoms: a hand may be a frame alone."""
-        frames = [b for b in self.bodies(link) if b != link and not self.model.body_geomnum[b]]
+        frames = [b for b in self.bodies(link) if b != link and b not in self.model.geom_bodyid]
         return np.concatenate([self.surface(link), self.data.xpos[frames]])
 
     def solid(self, geoms: list[int]) -> list[int]:
