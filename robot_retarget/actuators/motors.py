@@ -64,11 +64,6 @@ class MotorModel:
         return (self.d_gain if d_gain is None else d_gain) / 16 / 1000 / FULL_PWM * TICKS_PER_TURN / tau
 
     @property
-    def resistance(self) -> float:
-        """Of the winding [Ω]."""
-        return self.voltage / self.stall_current
-
-    @property
     def continuous_current(self) -> float:
         """That may last [A]."""
         return CONTINUOUS_SHARE * self.stall_current

@@ -58,7 +58,7 @@ def test_a_blocked_servo_gives_stall_torque_and_draws_stall_current(tmp_path, na
     motor = MOTORS[name]
     assert servo.shaft_torque(force, still) == pytest.approx(motor.stall_torque)
     assert servo.current(force, still) == pytest.approx(motor.stall_current)
-    assert servo.power(force, still) == pytest.approx(motor.voltage**2 / motor.resistance)
+    assert servo.power(force, still) == pytest.approx(motor.voltage * motor.stall_current)
 
 
 def test_the_servo_moves_as_mujocos_own_dc_motor_does(tmp_path):
