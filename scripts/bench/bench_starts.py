@@ -39,7 +39,7 @@ def cost_from(graph: rr.RobotGraph, path: Sequence[Floats] | None) -> float:
 
 def costs(clip: Path, robot: rr.Robot) -> tuple[int, list[float]]:
     """Return the number of frames, and the costs from the three starts."""
-    graph = rr.describe(rr.read_motion(clip), robot)
+    graph = rr.describe(rr.read_motion(clip), robot).unbalanced()
     motion = graph.motion
     forward = list(rr.stream(robot, motion))
     backward = list(rr.stream(robot, reversed_in_time(motion)))[::-1]
