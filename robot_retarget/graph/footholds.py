@@ -203,7 +203,9 @@ def foothold_corners(
         place = turned(np.broadcast_to(flat, (stop - start, *flat.shape)), turn, still)
         places[start:stop] = place if surface is None else raised(place, *surface.over(slice(start, stop)))
     stands[:fixed] = True
-    places[~stands] += _blended(stands, places - corners)[~stands]
+    bears = np.where(held.any(axis=1, keepdims=True), held, True)[..., None]
+    offset = ((places - corners) * bears).sum(axis=1, keepdims=True) / bears.sum(axis=1, keepdims=True)
+    places[~stands] += _blended(stands, offset)[~stands]
     return places
 
 
@@ -267,7 +269,12 @@ def _edges_down(corners: Floats) -> Floats:
 
 
 def _blended(stands: np.ndarray, offset: Floats) -> Floats:
-    """Return (T, 4, 3) offsets in swing, from the last stance's to the next one's, with zero slope at both ends."""
+    """Return (T, 1, 3) offsets in swing, from the last stance's to the next one's, with zero slope at both ends.
+
+    Args:
+        stands: (T,) whether the foot stands.
+        offset: (T, 1, 3) of the corners that bear it, on their mean: a raised heel is not drawn to the floor [m].
+    """
     known, frames = np.flatnonzero(stands), np.arange(len(stands))
     if not known.size:
         return np.zeros_like(offset)
