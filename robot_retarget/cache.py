@@ -11,6 +11,7 @@ import stat
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import accumulate
 from pathlib import Path
 
 from robot_retarget.files import folder, replacing
@@ -68,6 +69,15 @@ def keeping(path: Path) -> Iterator[Path]:
         yield scratch
         with replacing(_checksum_file(path), mode=PRIVATE) as line:
             line.write_text(_checksum(scratch, path.name), encoding="ascii")
+
+
+def drop_oldest(pattern: str, most: float) -> None:
+    """Remove the oldest files of a pattern, with their checksums, until the others take at most `most` bytes."""
+    files = sorted(cache_folder().glob(pattern), key=lambda file: file.stat().st_mtime_ns, reverse=True)
+    sizes = accumulate(file.stat().st_size for file in files)
+    for file in [file for file, total in zip(files, sizes, strict=True) if total > most]:
+        _checksum_file(file).unlink(missing_ok=True)
+        file.unlink(missing_ok=True)
 
 
 def _user() -> int:

@@ -7,12 +7,14 @@ from pathlib import Path
 
 import mujoco
 
-from robot_retarget.cache import cache_folder, is_sound, keeping, private_cache
+from robot_retarget.cache import cache_folder, drop_oldest, is_sound, keeping, private_cache
 from robot_retarget.errors import OutputError
 from robot_retarget.robot import source
 
-LEAST = 1_000_000
+LEAST = 5e6
 """Models with smaller assets compile about as fast as they load [bytes]."""
+MOST = 1e9
+"""The kept models take no more: one of a robot with detailed meshes takes .1 of it [bytes]."""
 
 
 def compiled(spec: mujoco.MjSpec, path: Path, freed: source.Quaternion | None = None) -> mujoco.MjModel:
@@ -44,6 +46,7 @@ def _keep(model: mujoco.MjModel, place: Path) -> None:
         private_cache()
         with keeping(place) as scratch:
             mujoco.mj_saveModel(model, str(scratch))
+        drop_oldest("*.mjb", MOST)
     except (OutputError, OSError):
         return
 

@@ -71,6 +71,19 @@ def test_a_spoiled_model_is_compiled_anew(model: Path) -> None:
     assert all(file.stat().st_size > 1000 for file in kept(model))
 
 
+def test_the_oldest_models_make_room_for_the_newest(model: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    load_robot(model)
+    known = {file: file.stat().st_size for file in kept(model)}
+    most = 1.5 * max(known.values())
+    monkeypatch.setattr(compile_module, "MOST", most)
+    model.write_text(MODEL.replace("0 0 .3", "0 0 .4"))
+    load_robot(model)
+    left = kept(model)
+    assert left and not known.keys() & set(left)
+    assert sum(file.stat().st_size for file in left) <= most
+    assert len(list(left[0].parent.glob("*.sha256"))) == len(left)
+
+
 def test_a_cache_that_cannot_be_written_costs_nothing_but_time(model: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     first = robot_sha256(load_robot(model))
     monkeypatch.setenv("XDG_CACHE_HOME", str(model))
