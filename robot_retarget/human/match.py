@@ -82,7 +82,7 @@ class Match:
         return np.arctan2(-left[:, 0], left[:, 1])
 
     def among(self, keypoints: tuple[str, ...], human: Floats, robot: Floats) -> "Match":
-        """Return the match of some of the keypoints, with the bones that they have at places (T, K, 3) of human and robot [m]."""
+        """Return the match of some keypoints; its bones have the lengths of the places (T, K, 3) of human and robot [m]."""
         parents = parent_indices(keypoints)
         bones = {"human_bones": bone_lengths(human, parents), "robot_bones": bone_lengths(robot, parents)}
         rest = self.rest[[self.index(keypoint) for keypoint in keypoints]]

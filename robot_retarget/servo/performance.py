@@ -128,7 +128,7 @@ class Performance:
         watch: FallGuard | None = None,
         ways: Sequence[ServoPlan] = (),
     ) -> None:
-        """Ticks on an even clock until the plan, or a way out of it, is over."""
+        """Make the ticks of a plan, or of the way out of it that is taken on a request to stop."""
         course = Course(plan, ways)
 
         def step(k: int) -> Step:
@@ -154,9 +154,9 @@ class Performance:
         final: Callable[[], float] = lambda: math.inf,
         stop: Callable[[int], bool] = lambda k: False,
     ) -> None:
-        """Ticks on an even clock until there is no step any more, or the final one is made.
+        """Make ticks on an even clock until `step` returns None or the final tick is made.
 
-        Those that come too late are left out, but the last two.
+        Ticks that are too late are skipped (`ticks_to_skip`); the final one is not.
 
         Args:
             cycle: exchanges with the servos.
@@ -276,9 +276,9 @@ def perform(
 
 
 def ticks_to_skip(elapsed: float, period: float) -> int:
-    """Return the number of ticks to skip after one that began `elapsed` ago [s]: the motion keeps its time.
+    """Return the number of ticks to skip after one that was due `elapsed` ago [s], so that the motion keeps its time.
 
-    None of a short delay: those are made up for.
+    After a delay up to `MADE_UP` none is skipped: the late ticks follow at once.
     """
     late = elapsed - period
     return int(late / period) if late > MADE_UP else 0

@@ -88,7 +88,7 @@ class Plant:
 
     @cached_property
     def driven(self) -> Ints:
-        """Places among the robot's hinges of those with a servo."""
+        """Indices of the hinges with a servo, among the robot's hinges."""
         return np.flatnonzero(self.servos >= 0)
 
     @property
