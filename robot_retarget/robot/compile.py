@@ -57,7 +57,9 @@ def _place(spec: mujoco.MjSpec, path: Path, freed: source.Quaternion | None) -> 
         assets = _assets(spec)
         if sum(asset.stat().st_size for asset in assets) < LEAST:
             return None
-        digest = hashlib.sha256(repr((mujoco.__version__, freed)).encode())
+        digest = hashlib.sha256(
+            repr((mujoco.__version__, freed, assets)).encode()
+        )  # a model holds the paths of its assets
         for file in (Path(source.__file__), *_documents(path), *assets):
             digest.update(file.read_bytes())
     except (OSError, KeyError, ET.ParseError):

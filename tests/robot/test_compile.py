@@ -1,6 +1,7 @@
 """A model from the cache is the model of its files: a changed file or a spoiled cache leads to a new compilation."""
 
 import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -40,6 +41,15 @@ def test_a_model_from_the_cache_is_the_compiled_one_to_the_last_byte(model: Path
     assert made
     assert robot_sha256(load_robot(model)) == first
     assert {file: file.stat().st_mtime_ns for file in kept(model)} == made
+
+
+def test_a_copy_of_a_model_in_another_folder_is_the_one_that_is_compiled_there(model: Path, tmp_path: Path) -> None:
+    load_robot(model)
+    shutil.copytree(tmp_path, tmp_path / "elsewhere", ignore=shutil.ignore_patterns("robot-retarget"))
+    after = robot_sha256(load_robot(tmp_path / "elsewhere/robot.xml"))
+    for file in kept(model):
+        file.unlink()
+    assert robot_sha256(load_robot(tmp_path / "elsewhere/robot.xml")) == after
 
 
 CHANGES: dict[str, Callable[[Path], object]] = {
