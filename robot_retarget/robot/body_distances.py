@@ -20,6 +20,8 @@ TOUCHING = 1e-9
 """Surfaces this near have no direction between them [m]."""
 FACE = PREFIX + "a face"
 """The plane of a face that a link touches."""
+ALIKE = 0.7
+"""Cosine from which on a direction is that of a face: 45°."""
 FAR = 10.0
 """Distances from faces are measured up to this [m]."""
 MEASURED = tuple(
@@ -126,6 +128,28 @@ class RobotAmongBodies:
         jacobian = np.empty((3, self.model.nv))
         mujoco.mj_jac(self.model, self.data, jacobian, None, found[3:], nearest)
         return least, normal @ jacobian
+
+    def to_side(
+        self, qpos: Floats, poses: Floats, geoms: list[int], body: int, face: tuple[Floats, Floats]
+    ) -> tuple[float, Floats]:
+        """Return the least distance of geoms from a body, where its direction is that of a face; else from the plane of the face.
+
+        A hand that overhangs a small face would meet the plane beside the body.
+
+        Args:
+            body: index in the scene; the other arguments are those of `to_face`.
+        """
+        if body in self._bodies:
+            self.place(qpos, poses)
+            own, ends = int(self._body_geoms[self._bodies.index(body)]), np.zeros(6)
+            near = [(mujoco.mj_geomDistance(self.model, self.data, own, g, FAR, ends), g, ends.copy()) for g in geoms]
+            least, geom, found = min(near, key=lambda one: one[0])
+            way = (found[3:] - found[:3]) / least if abs(least) > TOUCHING else face[1]
+            if way @ face[1] > ALIKE:
+                jacobian = np.empty((3, self.model.nv))
+                mujoco.mj_jac(self.model, self.data, jacobian, None, found[3:], int(self.model.geom_bodyid[geom]))
+                return least, way @ jacobian
+        return self.to_face(qpos, poses, geoms, face)
 
     def point(self, body: int, offset: Floats) -> tuple[Floats, Floats]:
         """Return the place (3,) [m] and the Jacobian (3, nv) of a point of a link in the last measured configuration."""

@@ -12,7 +12,8 @@ from robot_retarget.human.match import match
 from robot_retarget.human.terrain import with_terrain
 from robot_retarget.robot.body_distances import RobotAmongBodies
 from robot_retarget.robot.geoms import solid_geoms
-from robot_retarget.scene.scene import Scene
+from robot_retarget.scene.scene import RigidBody, Scene
+from robot_retarget.scene.shape import ShapeKind, solid
 
 OP3 = rr.load_robot("op3")
 SCENES, SAMPLES = ROOT / "samples/scenes", ROOT / "samples"
@@ -97,3 +98,28 @@ def nearest_corner(pose: np.ndarray, link: int, face: tuple[np.ndarray, np.ndarr
         half = size[0] + size[1] * abs(own[2]) if capsule else np.abs(size * own).sum()
         heights.append(float((data.geom_xpos[geom] - face[0]) @ face[1]) - half)
     return min(heights)
+
+
+def test_a_hand_that_overhangs_a_small_face_touches_the_body_and_one_beside_it_the_plane_of_the_face() -> None:
+    cube = RigidBody("cube", solid(ShapeKind.BOX, (0.04, 0.04, 0.04)), np.tile([0.5, 0, 1.0, 1, 0, 0, 0], (2, 1)))
+    among, pose = RobotAmongBodies(OP3, Scene((cube,))), np.array(OP3.standing())
+    geoms = among.geoms_of(np.array([OP3.model.body("l_el_link").id]))
+    among.place(pose, cube.poses[:1])
+    middle = among.data.geom_xpos[geoms[0]]
+
+    def found(way: np.ndarray) -> tuple[float, float, float]:
+        """The cube's face across x, seen from the hand along a way: distance from the side, the plane and the body [m]."""
+        poses = np.append(middle - way, [1.0, 0, 0, 0])[None]
+        face = (poses[0, :3] + [0.02, 0, 0], np.array([1.0, 0, 0]))
+        side, plane = among.to_side(pose, poses, geoms, 0, face)[0], among.to_face(pose, poses, geoms, face)[0]
+        ends = np.zeros(6)
+        body = min(
+            mujoco.mj_geomDistance(among.model, among.data, among.model.geom("scene: cube").id, g, 1.0, ends)
+            for g in geoms
+        )
+        return side, plane, body
+
+    side, plane, body = found(np.array([0.15, 0.0, 0.0]))
+    assert side == pytest.approx(body, abs=1e-9) and plane < body - 1e-5
+    side, plane, body = found(np.array([0.0, 0.3, 0.0]))
+    assert side == pytest.approx(plane, abs=1e-9) and plane != pytest.approx(body, abs=1e-3)

@@ -3,8 +3,8 @@
     d(link, face) = 0,    (I − n nᵀ)(x − p) = 0
 
 with x the keypoint, p the place of the human's touch and n the normal of the surface there, fixed in the frame of the body
-while the human's part stays on one place: the part does not slide. The face is the plane through p across n, so that the part
-touches the side of the body that the human touches. The distance is exact while the human touches; both fade in and out.
+while the human's part stays on one place: the part does not slide. The face is the side of the body across n, or the plane
+through p where another side is nearer, so that the part touches the side that the human touches. The distance is exact while the human touches; both fade in and out.
 """
 
 from dataclasses import dataclass, replace
@@ -114,14 +114,14 @@ class ContactKind(Kind):
     def _pair(self, pair: int, poses: Floats, state: RowState, target: Floats) -> tuple[Floats, Floats, np.ndarray]:
         """Return values (4,), slopes (4, nv) and edges of one pair."""
         assert self.scene is not None
-        part, _ = self.pairs[pair]
+        part, body = self.pairs[pair]
         site, among = state.match.anatomy.sites[part], self.scene.among(state.robot)
         geoms = state.memory.get(f"geoms of {part}")
         if geoms is None:
             geoms = among.geoms_of(links_of(part, state.robot, state.match.anatomy))
             state.memory[f"geoms of {part}"] = geoms
         place, normal = target[:3], unit(target[3:])
-        distance, away = among.to_face(state.qpos, poses, geoms, (place, normal))
+        distance, away = among.to_side(state.qpos, poses, geoms, body, (place, normal))
         x, slope = among.point(site.body, site.offset)
         along = np.eye(3) - np.outer(normal, normal)
         values = np.append(distance, place + along @ (x - place))
