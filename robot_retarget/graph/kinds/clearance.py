@@ -41,6 +41,8 @@ class ClearanceKind(Kind):
     form = Form.NUMERIC
     margin: float = 0.006
     """Over the leg [-], as between links."""
+    reach: float = 0.06
+    """Bodies that are farther have no rows, over the leg [-]: a hand goes farther to them in a step than links to each other."""
     scene: PlacedScene | None = None
 
     def targets(self, context: RetargetContext) -> Track | None:
@@ -86,7 +88,7 @@ class ClearanceKind(Kind):
         """Return the distances of near links and bodies."""
         assert self.scene is not None and state.targets is not None
         among, poses = self.scene.among(state.robot), poses_of(state.targets[0], self.scene)
-        found = among.near(state.qpos, poses, max(state.reach, 2 * self.margin * state.match.robot_leg))
+        found = among.near(state.qpos, poses, max(state.reach, self.reach * state.match.robot_leg))
         if not len(found.distance):
             return None
         links = list(solid_geoms(state.robot)) if "links" not in state.memory else state.memory["links"]
