@@ -21,8 +21,8 @@ class SolveOptions:
     """Initial value of Levenberg's λ."""
     refusals: int = 6
     """Number of refused steps after which a descent stops; each accepted step cancels one of them."""
-    reach: float = 0.03
-    """Links nearer than this have rows in the quadratic program: a hand moves by less while distances are extrapolated."""
+    reach: float = 0.05
+    """Links nearer than this have rows in the quadratic program; with .03, hands that meet end in dearer poses."""
     distance_cache_radius: float = 0.02
     """Distances of links are extrapolated along their slopes until a joint turns by more [rad]."""
     tolerated: float = 2e-4
