@@ -182,14 +182,15 @@ def foothold_corners(
 ) -> Floats:
     """Return (T, 4, 3) corners of one foot: at its footholds in stance, on its swing reference otherwise [m].
 
-    A foothold keeps its place, and turns about its stillest corner as the heading does.
+    A foothold keeps its place, and turns about its stillest corner as the heading does. A swing then keeps the shape of the sole;
+    without a heading, as balance plans stances, the sole also stays nearly flat.
 
     Args:
         held: (T, 4) which corners stand.
         corners: (T, 4, 3) corners without footholds [m]: a stance uses their median, a swing their shape.
         fixed: number of frames at the start that stay unchanged; a stance that began there keeps its place.
         surface: the surface under the foot; None for the floor.
-        heading: (T,) of the foot [rad]; by default the foothold does not turn.
+        heading: (T,) of the foot [rad]; by default the foothold does not turn, and its sole swings flat.
     """
     stands, places = np.asarray(held.any(axis=1)), corners.copy()
     for start, stop in intervals(stands):
@@ -203,8 +204,10 @@ def foothold_corners(
         place = turned(np.broadcast_to(flat, (stop - start, *flat.shape)), turn, still)
         places[start:stop] = place if surface is None else raised(place, *surface.over(slice(start, stop)))
     stands[:fixed] = True
-    bears = np.where(held.any(axis=1, keepdims=True), held, True)[..., None]
-    offset = ((places - corners) * bears).sum(axis=1, keepdims=True) / bears.sum(axis=1, keepdims=True)
+    offset = places - corners
+    if heading is not None:
+        bears = np.where(held.any(axis=1, keepdims=True), held, True)[..., None]
+        offset = (offset * bears).sum(axis=1, keepdims=True) / bears.sum(axis=1, keepdims=True)
     places[~stands] += _blended(stands, offset)[~stands]
     return places
 
@@ -269,11 +272,11 @@ def _edges_down(corners: Floats) -> Floats:
 
 
 def _blended(stands: np.ndarray, offset: Floats) -> Floats:
-    """Return (T, 1, 3) offsets in swing, from the last stance's to the next one's, with zero slope at both ends.
+    """Return (T, C, 3) offsets in swing, from the last stance's to the next one's, with zero slope at both ends.
 
     Args:
         stands: (T,) whether the foot stands.
-        offset: (T, 1, 3) of the corners that bear it, on their mean: a raised heel is not drawn to the floor [m].
+        offset: (T, C, 3) of its corners, or the mean of those that bear it: a raised heel is not drawn to the floor [m].
     """
     known, frames = np.flatnonzero(stands), np.arange(len(stands))
     if not known.size:

@@ -223,7 +223,7 @@ def test_a_swing_goes_its_own_way_shifted_from_one_foothold_to_the_next_without_
     corners = tilted(np.random.default_rng(seed), 40)
     stands = np.ones(40, dtype=bool)
     stands[10:30] = False
-    places = foothold_corners(np.repeat(stands[:, None], 4, axis=1), corners)
+    places = foothold_corners(np.repeat(stands[:, None], 4, axis=1), corners, heading=np.zeros(40))
     offset = places - corners
     before, after = offset[9].mean(axis=0), offset[30].mean(axis=0)
     share = smoothstep((np.arange(40) - 9) / 21)[10:30, None, None]
@@ -237,7 +237,7 @@ def test_a_heel_that_leaves_the_floor_before_the_toes_is_not_drawn_down_in_swing
     corners[8:20, HEEL, 2] = 0.15
     held[8:, HEEL], held[10:20] = False, False
     held[20:] = True
-    assert np.allclose(foothold_corners(held, corners)[10:20], corners[10:20])
+    assert np.allclose(foothold_corners(held, corners, heading=np.zeros(30))[10:20], corners[10:20])
 
 
 @given(st.integers(1, 11), st.integers(0, 2**32 - 1))

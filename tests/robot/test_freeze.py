@@ -75,7 +75,7 @@ def test_joints_follow_the_motion_of_a_file(balance: str, tmp_path: Path) -> Non
 def test_a_file_without_the_joint_is_named(tmp_path: Path) -> None:
     other = rr.load_robot("g1_class")
     hold(other).save(tmp_path / "g1.npz")
-    with pytest.raises(TrajectoryError, match="freeze head_pan: the trajectory has no such joint"):
+    with pytest.raises(TrajectoryError, match="freeze head_pan: the trajectory lacks this joint"):
         rr.freeze(rr.load_robot("op3"), [f"head_pan={tmp_path / 'g1.npz'}"])
 
 
