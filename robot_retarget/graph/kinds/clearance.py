@@ -41,8 +41,10 @@ class ClearanceKind(Kind):
     form = Form.NUMERIC
     margin: float = 0.006
     """Over the leg [-], as between links."""
-    reach: float = 0.06
-    """Bodies that are farther have no rows, over the leg [-]: a hand goes farther to them in a step than links to each other."""
+    reach: float = 0.03
+    """Bodies that are farther have no rows, over the leg [-]; more rows oppose each other where feet stand among blocks."""
+    stream_reach: float = 0.06
+    """In streams, whose one step moves a hand farther than a pass of a clip [-]."""
     scene: PlacedScene | None = None
 
     def targets(self, context: RetargetContext) -> Track | None:
@@ -84,11 +86,15 @@ class ClearanceKind(Kind):
         moved = (body if body.fixed else replace(body, poses=poses[:, k] / _norms(poses[:, k])) for k, body in every)
         return replace(self.scene.scene, bodies=tuple(moved))
 
+    def for_stream(self) -> "ClearanceKind":
+        """Return the kind with the reach of streams."""
+        return replace(self, reach=self.stream_reach)
+
     def rows(self, track: Track, state: RowState) -> MeasureRows | None:
         """Return the distances of near links and bodies."""
         assert self.scene is not None and state.targets is not None
         among, poses = self.scene.among(state.robot), poses_of(state.targets[0], self.scene)
-        found = among.near(state.qpos, poses, max(state.reach, self.reach * state.match.robot_leg))
+        found = among.near(state.qpos, poses, self.reach * state.match.robot_leg)
         if not len(found.distance):
             return None
         links = list(solid_geoms(state.robot)) if "links" not in state.memory else state.memory["links"]
