@@ -153,7 +153,7 @@ def _stepping(ik: BalancedIk, draft: Floats) -> PlaybackClip:
     own = stand_places(ik)
     corners = spread(corners, own)
     kept = without_small_swings(planted, corners, ik.leg, fps, ground=ground)
-    if kept.all() or graph.bodies is not None:  # a shorter step would miss its place beside a body
+    if kept.all() or graph.bodies is not None:  # a shorter step would miss its place next to a body
         return PlaybackClip(graph, draft, corners, kept, fps, ground=ground)
     placed = reachable_footholds(kept, corners, own, ik.leg)
     root = slice(ik.robot.root_address, ik.robot.root_address + 2)

@@ -66,7 +66,7 @@ def _heights(corners: Floats, fps: float, ground: SolidGround | None, of: Callab
     """Return heights (T, F) of soles (T, F, 4, 3) over the ground; on a level floor over its drift [m].
 
     Args:
-        of: `np.min` of the points of a sole; `np.median` where half of it must be low: toes over an edge carry nobody.
+        of: `np.min` of the points of a sole; `np.median` if half of it must be low: toes over an edge carry no load.
     """
     if ground is None or ground.level:
         return over_lowest(corners[..., 2].min(axis=2), fps)

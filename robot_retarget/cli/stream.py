@@ -168,7 +168,7 @@ def _opened(wanted: StreamInputOptions, around: "Scene | None") -> "Iterator[Fra
 
 
 def _scene_of(how: StreamOptions, target: str) -> "Scene | None":
-    """The bodies around the performer; a note where they are not simulated."""
+    """Return the bodies around the performer; note that a simulation leaves them out."""
     from robot_retarget.scene import read_scene
 
     if how.scene is None:

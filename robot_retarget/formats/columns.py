@@ -43,7 +43,7 @@ class Columns:
     source: str = ""
     notes: tuple[str, ...] = ()
     object: Floats | None = None
-    """(T, 7) poses of a body beside the robot, x y z [m], w x y z; None where the file has none."""
+    """(T, 7) poses of a body next to the robot, x y z [m], w x y z; None in files without them."""
     scene: Scene | None = None
     """The bodies around the robot, where the file has their shapes."""
 

@@ -207,7 +207,7 @@ def among(motion: Motion, scene: Scene | str | Path | None, scale: float | None 
 
 
 def among_placed(motion: Motion, robot: Robot, placed: Scene, overrides: str | Path | None = None) -> Motion:
-    """Return a motion with bodies around it that a graph of it places where they are around a robot.
+    """Return a motion with the bodies in the captured world that its graph maps to given poses around a robot.
 
     Args:
         motion: the human at the frames of a trajectory, from its first on.
@@ -220,7 +220,7 @@ def among_placed(motion: Motion, robot: Robot, placed: Scene, overrides: str | P
 
 
 def at_rate(motion: Motion, fps: float | None) -> Motion:
-    """Return the motion at the rate `fps`; without it, at the lower of its own rate and `MOST_FPS`.
+    """Return the motion at the rate `fps`, by default at its own, `MOST_FPS` at most.
 
     Args:
         motion: the human's.

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, unit
 from robot_retarget.errors import SceneError, known
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.skeleton import Skeleton
@@ -27,7 +27,7 @@ class LiveScene:
         """Start with the first poses of a scene.
 
         Args:
-            skeleton: of the performer, whose joints carry bodies.
+            skeleton: of the performer; its joints carry bodies.
             faults: receives counts of poses that are not taken.
 
         Raises:
@@ -53,7 +53,7 @@ class LiveScene:
         Args:
             given: (7,) by name: x y z [m], quaternion w x y z. A body that is not named keeps its pose.
             positions: (J, 3) of the joints [m].
-            rotations: (J, 4) of the joints, w x y z; None leaves carried bodies where they are.
+            rotations: (J, 4) of the joints, w x y z; without them carried bodies keep their poses.
         """
         self.poses = self.poses.copy()
         if rotations is not None:
@@ -65,7 +65,8 @@ class LiveScene:
                 self._faults[fault] += 1
                 continue
             self._sent.add(name)
-            self.poses[self._scene.names.index(name)] = _unit(np.asarray(pose, dtype=float))
+            values = np.asarray(pose, dtype=float)
+            self.poses[self._scene.names.index(name)] = np.concatenate([values[:3], unit(values[3:])])
         for name in self._sent - given.keys():
             self._faults[f"no pose of body {name!r}"] += 1
         return self.poses
@@ -88,7 +89,7 @@ class LiveScene:
         return replace(self._scene, bodies=tuple(_at(body, poses[:, k]) for k, body in enumerate(self._scene.bodies)))
 
     def around(self, motion: Motion) -> Motion:
-        """Return a motion with the bodies around it where it has them, or else where they begin.
+        """Return a motion with the bodies at its own poses, or else at their first ones.
 
         Raises:
             SceneError: a body has another unit, or holds the human at the first frame.
@@ -112,7 +113,3 @@ def first_frame(scene: Scene) -> Scene:
 def _at(body: RigidBody, poses: Floats) -> RigidBody:
     own = poses[0] if body.shape.kind in IMMOVABLE else poses
     return replace(body, poses=own, carrier="", fps=None)
-
-
-def _unit(pose: Floats) -> Floats:
-    return np.concatenate([pose[:3], pose[3:] / np.linalg.norm(pose[3:])])

@@ -25,7 +25,7 @@ SAME = 4
 
 @dataclass(frozen=True, eq=False)
 class SolidGround:
-    """The floor and the bodies at rest; bodies that move carry nobody."""
+    """The floor and the bodies at rest; bodies that move carry no feet."""
 
     scene: Scene | None = None
     _known: dict[bytes, tuple[Floats, Floats, Floats]] = field(default_factory=dict, repr=False)

@@ -85,9 +85,8 @@ class CausalFootholds:
         """Turn the foothold about the ball of the big toe, or that side of the heel, as far as the human's foot heads away."""
         away = bearing(lengths(carried)) - bearing(lengths(self.landed[foot]))
         away = (away + np.pi) % (2 * np.pi) - np.pi
-        slack = (
-            self.backlash * norm(lengths(self.places[foot])) / max(norm(lengths(carried)), 1e-9)
-        )  # as `settled_heading`
+        level, shown = (float(norm(lengths(sole))) for sole in (self.places[foot], carried))
+        slack = self.backlash * level / max(shown, 1e-9)  # as in `settled_heading`
         turn = away - np.clip(away, -slack, slack)
         if turn:
             corner = (TOE if held[TOE].any() else HEEL)[self.feet[foot] == "l"]

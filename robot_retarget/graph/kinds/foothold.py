@@ -49,7 +49,7 @@ class FootholdKind(Kind):
     backlash: float = 0.1
     """A foot that stands turns with the human's where that heads away by more [rad] ..."""
     pivots: bool = False
-    """... if no balance follows, which plans stances that stay as they are."""
+    """... and swings with its shape, where the trajectory is not balanced; balance plans stances and swings of flat feet."""
     frees: bool = True
     """Whether one of two feet steps where the robot's legs do not reach both footholds."""
     laid: float = 3000.0
@@ -207,7 +207,7 @@ def _places(
 
 
 def _plane(corners: Floats) -> Surface | None:
-    """Return the surface on which a foot's corners (T, 4, 3) are; None where they are on the floor."""
+    """Return the surface under a foot's corners (T, 4, 3); None for the floor."""
     if not corners[..., 2].any():
         return None
     middle = corners.mean(axis=1)
