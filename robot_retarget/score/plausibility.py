@@ -27,7 +27,7 @@ it sideways."""
 LEVEL = 0.5
 """A left direction that points up or down by a larger cosine has no heading."""
 APART = 0.5
-"""Hands at least this far apart sideways, in shoulder widths, are on two sides."""
+"""Elbows at least this far apart sideways, in shoulder widths, are on two sides."""
 SHOWN = 0.2
 """A check needs this share of the frames to show its feature ..."""
 FEWEST = 10
@@ -121,7 +121,7 @@ def _upright(human: dict[str, Floats], own: dict[str, Floats]) -> Iterator[Plaus
 def _sides(
     robot: Robot, match: Match, qpos: Floats, human: dict[str, Floats], own: dict[str, Floats]
 ) -> Iterator[PlausibilityCheck]:
-    """Pelvis and chest face where the human's do; hands are on their own sides."""
+    """Pelvis and chest face where the human's do; elbows are on their own sides."""
     rotations = body_frames(robot, qpos)[1]
     cause = (
         "Left and right of one of the two are likely taken for each other: `forward = [x, y, z]` in [robot], or lines "
@@ -135,21 +135,24 @@ def _sides(
             shown = (np.abs(wanted[:, 2]) < LEVEL) & (np.abs(actual[:, 2]) < LEVEL)
             yield PlausibilityCheck(f"its {segment} faces the other way", shown, _opposed(wanted, actual), cause)
             if segment == "chest":
-                yield _hands(human, own, wanted, actual, cause)
+                yield _elbows(human, own, wanted, actual, cause)
 
 
-def _hands(
+def _elbows(
     human: dict[str, Floats], own: dict[str, Floats], wanted: Floats, actual: Floats, cause: str
 ) -> PlausibilityCheck:
-    """The left hand is to the left of the right one, seen from the chests with such lefts (T, 3), or arms are crossed."""
+    """The left elbow is to the left of the right one, seen from the chests with such lefts (T, 3).
+
+    Hands change sides where arms cross. Elbows do not.
+    """
     apart = [
-        ((body["l_hand"] - body["r_hand"]) * left).sum(axis=1)
+        ((body["l_elbow"] - body["r_elbow"]) * left).sum(axis=1)
         / np.linalg.norm(body["l_shoulder"] - body["r_shoulder"], axis=1)
-        if {"l_hand", "r_hand"} <= body.keys()
+        if {"l_elbow", "r_elbow"} <= body.keys()
         else np.zeros(len(left))
         for body, left in ((human, wanted), (own, actual))
     ]
-    what = "its left hand is where the human's right one is"
+    what = "its left elbow is where the human's right one is"
     return PlausibilityCheck(what, np.abs(apart[0]) > APART, apart[1] * np.sign(apart[0]) < 0, cause)
 
 

@@ -15,7 +15,7 @@ from robot_retarget.motion import read_motion
 from robot_retarget.pipeline import retarget
 from robot_retarget.result import Result
 from robot_retarget.robot import load_robot
-from robot_retarget.score.plausibility import _hands, mismatch, plausibility_checks
+from robot_retarget.score.plausibility import _elbows, mismatch, plausibility_checks
 from robot_retarget.shipped import SAMPLES
 
 
@@ -60,7 +60,7 @@ def test_knees_that_bend_the_other_way_are_seen() -> None:
     assert {f"its {side} knee does not bend that way" for side in ("left", "right")} <= wrong(result, bent)
 
 
-def test_hands_that_have_changed_places_are_seen() -> None:
+def test_arms_that_have_changed_places_are_seen() -> None:
     result = solved("squat")
     match, human = result.match, result.match.human_positions(result.motion)
     swapped = human.copy()
@@ -71,8 +71,17 @@ def test_hands_that_have_changed_places_are_seen() -> None:
     own = {k: human[:, i] for i, k in enumerate(match.keypoints)}
     there = {k: swapped[:, i] for i, k in enumerate(match.keypoints)}
     line = unit(own["l_shoulder"] - own["r_shoulder"])
-    assert _hands(there, own, line, line, "").wrong
-    assert not _hands(own, own, line, line, "").wrong
+    assert _elbows(there, own, line, line, "").wrong
+    assert not _elbows(own, own, line, line, "").wrong
+
+
+def test_a_robot_that_cannot_cross_its_arms_is_not_doubted() -> None:
+    result = solved("squat")
+    human = result.match.human_positions(result.motion)
+    own = {k: human[:, i] for i, k in enumerate(result.match.keypoints)}
+    crossed = own | {"l_hand": own["r_hand"], "r_hand": own["l_hand"]}
+    line = unit(own["l_shoulder"] - own["r_shoulder"])
+    assert not _elbows(crossed, own, line, line, "").wrong
 
 
 ROBOTS = {
