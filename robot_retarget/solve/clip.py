@@ -85,12 +85,13 @@ def clip_poses(
     poses = [FrameSolution(q, Status.CONVERGED, 0.0, 0) for q in known]
     asked: list[list[Track]] = []
     windows = part.windows if part else tuple(smoothing.windows.cut(len(graph), graph.fps))
-    count.expect((smoothing.passes + COARSE) * sum(w.last - w.first - w.fixed for w in windows))
+    count.expect(COARSE * len(graph) + smoothing.passes * sum(w.last - w.first - w.fixed for w in windows))
+    path = coarse_path(solver, graph, targets_of(coarse_tracks(graph)), search, list(known))
+    count.advance(COARSE * len(graph))
     for window in windows:
-        own, before = graph.frames(window.first, window.last), [pose.qpos for pose in poses[window.first :]]
-        coarse = coarse_path(solver, own, targets_of(coarse_tracks(own)), search, before)
-        count.advance(COARSE * (len(own) - window.fixed))
-        tracks, found = _window_poses(solver, own, np.array(coarse), smoothing, window.fixed, count)
+        own = graph.frames(window.first, window.last)
+        coarse = np.array([*(pose.qpos for pose in poses[window.first :]), *path[len(poses) : window.last]])
+        tracks, found = _window_poses(solver, own, coarse, smoothing, window.fixed, count)
         kept = slice(window.fixed, window.final - window.first)
         poses += found[kept]
         asked.append([track.at(kept) for track in tracks])
