@@ -116,6 +116,18 @@ class Robot:
         """(n,) index of each hinge in qvel."""
         return frozen(self.model.jnt_dofadr[self.joint_ids], np.int64)
 
+    @cached_property
+    def single_index(self) -> tuple[Ints, Ints]:
+        """The indices of hinges and slides in qpos, and in qvel."""
+        single = self.model.jnt_type != FREE
+        return frozen(self.model.jnt_qposadr[single], np.int64), frozen(self.model.jnt_dofadr[single], np.int64)
+
+    @cached_property
+    def free_index(self) -> list[tuple[int, int]]:
+        """Where every free joint begins in qpos, and in qvel."""
+        free = self.model.jnt_type == FREE
+        return list(zip(self.model.jnt_qposadr[free].tolist(), self.model.jnt_dofadr[free].tolist(), strict=True))
+
     @property
     def floating(self) -> bool:
         """Whether the root is a free joint."""

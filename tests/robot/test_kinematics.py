@@ -116,3 +116,19 @@ def test_difference_undoes_integrate() -> None:
     velocity = np.random.default_rng(3).normal(scale=0.5, size=robot.model.nv)
     start = random_case(robot, 3)[1]
     assert np.allclose(difference(robot, start, integrate(robot, start, velocity)), velocity, atol=1e-12)
+
+
+@pytest.mark.parametrize("path", ["op3", *MODELS])
+@pytest.mark.parametrize("turn", [1e-17, 1e-9, 0.3, 3.1, 6.0])
+def test_many_configurations_move_as_mujoco_moves_each(path, turn: float) -> None:
+    robot, draw = load_robot(path), np.random.default_rng(3)
+    start = np.array([random_case(robot, seed)[1] for seed in range(40)])
+    step = turn * draw.normal(size=(40, robot.model.nv)) / 3**0.5
+    end = integrate(robot, start, step)
+    back = difference(robot, start, end)
+    for before, after, way, found in zip(start, end, step, back, strict=True):
+        moved, led = before.copy(), np.empty(robot.model.nv)
+        mujoco.mj_integratePos(robot.model, moved, way, 1.0)
+        mujoco.mj_differentiatePos(robot.model, led, 1.0, before, after)
+        np.testing.assert_allclose(after, moved, atol=1e-14)
+        np.testing.assert_allclose(found, led, atol=1e-12)
