@@ -4,7 +4,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.human.causal_touches import CausalSurroundings
-from robot_retarget.human.contacts import CausalContacts
+from robot_retarget.human.contacts import CausalContacts, on_soles
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.ground import DRIFT
 from robot_retarget.human.stance import WINDOW
@@ -62,7 +62,7 @@ class CausalFeatures:
             near = self.around.step(x, positions, scene, seconds)
             level = near.levelled(x[None], calibration.match)[0]
         segments = calibration.segments(x[None], None if rotations is None else rotations[None])
-        contacts = self.contacts.step(level, seconds)
+        contacts = on_soles(self.contacts.step(level, seconds), segments)
         free = near and near.without_stances(contacts)
         return HumanFeatures(x[None], segments, contacts, _NOT, _NOT, calibration, known.fps, known.ankle_height, free)
 

@@ -12,6 +12,8 @@ from robot_retarget.human.stance import StanceRule, standing, without_flicker
 
 PARTS = ("toe", "ankle")
 """Keypoints of a foot, in the order of the columns of a schedule."""
+TILT = 0.5
+"""A foot bears on a side that faces the floor by this cosine: 60° at most [-]."""
 CAUSAL_AVERAGE = 0.06
 """Time constant of the speed of a stream [s]: shorter than the average of a clip, because it looks back only."""
 
@@ -43,6 +45,24 @@ def contact_schedule(
             stands = found.setdefault(keypoint[0], np.zeros((len(x), 2), dtype=bool))
             stands[:, column] = standing(points[:, k], height[:, k], fps, chosen)
     return found
+
+
+def on_soles(contacts: dict[str, Bools], segments: dict[str, Floats]) -> dict[str, Bools]:
+    """Return a schedule without feet that lie on a side or on the instep.
+
+    A toe and a heel stand while the sole faces the floor. A toe also stands while the toes point down, and a heel while the
+    heel does.
+
+    Args:
+        contacts: per foot (T, 2), whether toe and heel stand.
+        segments: axes of the body, with (T, 3, 3) per foot that is known.
+    """
+    borne = dict(contacts)
+    for foot in contacts.keys() & {name[0] for name in segments if name.endswith("_foot")}:
+        ahead, up = (segments[f"{foot}_foot"][:, 2, axis] for axis in (0, 2))
+        below = np.stack([-ahead, ahead], axis=1)
+        borne[foot] = contacts[foot] & ((below > TILT) | (up > TILT)[:, None])
+    return borne
 
 
 class CausalContacts:

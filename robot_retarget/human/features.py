@@ -8,12 +8,12 @@ import numpy as np
 from robot_retarget.arrays import Bools, Floats
 from robot_retarget.human.activity import Activity, ActivityRule, activity_of, is_flying, is_supported
 from robot_retarget.human.calibration import Calibration, calibrate
-from robot_retarget.human.contacts import contact_schedule
+from robot_retarget.human.contacts import contact_schedule, on_soles
 from robot_retarget.human.ground import floor_under
 from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.segments import facing, heading
-from robot_retarget.human.stance import StanceRule
+from robot_retarget.human.stance import StanceRule, without_flicker
 from robot_retarget.human.touches import Surroundings, surroundings_of
 
 
@@ -87,9 +87,13 @@ def features_of(motion: Motion, match: Match) -> HumanFeatures:
     level = x if around is None else around.levelled(x, match)
     contacts = contact_schedule(level, match, fps, clip.contacts)
     calibration = calibrate(clip, match, x, floor, contacts)
+    segments = calibration.segments(x, clip.rotations)
+    contacts = {
+        foot: without_flicker(stands, fps, StanceRule()) for foot, stands in on_soles(contacts, segments).items()
+    }
     whole = HumanFeatures(
         x,
-        calibration.segments(x, clip.rotations),
+        segments,
         contacts,
         is_supported(level, match, rule),
         is_flying(level, match, fps, rule),

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from shared_files import ROOT, SHARED, needs_shared
 
 import robot_retarget as rr
-from robot_retarget.human.contacts import contact_schedule
+from robot_retarget.human.contacts import contact_schedule, on_soles
 from robot_retarget.human.features import features_of
 from robot_retarget.human.match import match
 from robot_retarget.human.stance import StanceRule, without_flicker
@@ -73,3 +74,42 @@ def test_contacts_keep_their_frames_when_a_motion_is_cut_or_resampled():
     assert cut.contacts is not None and np.array_equal(cut.contacts, motion.contacts[40:90])
     assert fast.contacts is not None and fast.contacts.shape == (len(fast), 4)
     assert np.array_equal(fast.contacts[::2], motion.contacts)
+
+
+def lowest_parts(turn: np.ndarray) -> set[str]:
+    """Brute force: which parts of a foot, a box with round sides, are nearest to the floor: toe, heel, sole, side, instep."""
+    length, width, height = 0.12, 0.08, 0.05
+    parts = {
+        "toe": [(length, y, z) for y in (-0.03, 0.03) for z in (0.0, -height)],
+        "heel": [(-length, y, z) for y in (-0.03, 0.03) for z in (0.0, -height)],
+        "sole": [(x, y, -height) for x in (-length, length) for y in (-0.03, 0.03)],
+        "side": [(x, side * width, z) for side in (-1, 1) for x in (-0.06, 0.06) for z in (0.0,)],
+        "instep": [(x, 0.0, height) for x in (-0.06, 0.06)],
+    }
+    heights = {name: np.mean(sorted((np.array(points) @ turn.T)[:, 2])[:2]) for name, points in parts.items()}
+    return {name for name, height in heights.items() if height < min(heights.values()) + 1e-9}
+
+
+@pytest.mark.parametrize(
+    ("pose", "degrees", "part", "stands"),
+    [
+        ("upright", (0, 0), "sole", (True, True)),
+        ("on tiptoe", (50, 0), "toe", (True, True)),
+        ("kneeling on bent toes", (100, 0), "toe", (True, False)),
+        ("legs stretched, on the heel", (-80, 0), "heel", (False, True)),
+        ("prone, on the instep", (170, 0), "instep", (False, False)),
+        ("on the inner side", (0, 90), "side", (False, False)),
+        ("on the outer side", (20, -80), "side", (False, False)),
+    ],
+)
+def test_a_foot_stands_on_its_sole_toes_or_heel_alone(pose, degrees, part, stands):
+    pitch, roll = degrees
+    turn = Rotation.from_euler("yx", [pitch, roll], degrees=True).as_matrix()
+    found = on_soles({"l": np.ones((1, 2), bool)}, {"l_foot": turn[None]})
+    assert tuple(found["l"][0]) == stands, pose
+    assert part in lowest_parts(turn)
+
+
+def test_a_foot_without_axes_keeps_its_schedule():
+    stands = np.array([[True, False], [True, True]])
+    np.testing.assert_array_equal(on_soles({"l": stands}, {"r_foot": np.eye(3)[None]})["l"], stands)
