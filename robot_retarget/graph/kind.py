@@ -17,8 +17,10 @@ from robot_retarget.graph.phase import Phase as Phase
 from robot_retarget.graph.role import FRAME as FRAME
 from robot_retarget.graph.role import Form as Form
 from robot_retarget.graph.role import Role as Role
+from robot_retarget.graph.rows import ClipRows as ClipRows
 from robot_retarget.graph.rows import MeasureRows as MeasureRows
 from robot_retarget.graph.rows import RowState as RowState
+from robot_retarget.graph.rows import RowStates as RowStates
 from robot_retarget.graph.track import Track as Track
 from robot_retarget.graph.track import exact as exact
 from robot_retarget.human.features import HumanFeatures
@@ -121,6 +123,11 @@ class Kind:
         It is the measure of a kind of numeric form: a cost, or an inequality that one slack relaxes.
         """
         raise NotImplementedError(f"{type(self).__name__} has no rows")
+
+    def clip_rows(self, track: Track, states: RowStates) -> ClipRows:
+        """Return the rows of a numeric inequality at many configurations: those of each, by default."""
+        rows = [self.rows(track, states.at(frame)) for frame in range(len(states.qpos))]
+        return ClipRows.of(rows, states.robot.model.nv)
 
     def projected(self, track: Track, state: RowState) -> Floats:
         """Return the nearby configuration (nq,) that meets the edges of a numeric cost; the same by default."""

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, Ints
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot
 
@@ -52,6 +52,28 @@ class RowState:
 
 
 @dataclass(frozen=True, eq=False)
+class RowStates:
+    """Where a numeric inequality is evaluated: at N configurations."""
+
+    robot: Robot
+    match: Match
+    qpos: Floats
+    """(N, nq)."""
+    reach: float
+    """Surfaces farther apart need no rows [m]."""
+    targets: tuple[Floats, Floats, Floats]
+    """Lower bounds, upper bounds and π (N, E) of the kind's edges."""
+    memory: dict[str, Any]
+    """State of the kind between evaluations, per solver and track."""
+
+    def at(self, frame: int) -> RowState:
+        """Return one of them."""
+        lower, upper, priority = (side[frame] for side in self.targets)
+        sides = lower, upper, priority
+        return RowState(self.robot, self.match, self.qpos[frame], self.reach, targets=sides, memory=self.memory)
+
+
+@dataclass(frozen=True, eq=False)
 class MeasureRows:
     """Values of some edges and their Jacobian by the tangent vector."""
 
@@ -63,3 +85,27 @@ class MeasureRows:
     """(R,) columns of the track; an edge may have several rows, or no row."""
     rest: Floats | float = np.inf
     """(R,) largest lower bound of a row of an inequality: surfaces that rest nearer than their margin may stay so."""
+
+
+@dataclass(frozen=True, eq=False)
+class ClipRows:
+    """The rows of N configurations, those of one after those of another."""
+
+    frame: Ints
+    """(R,) the configuration of each row."""
+    values: Floats
+    """(R,)."""
+    slope: Floats
+    """(R, nv)."""
+    edges: Ints
+    """(R,) columns of the track."""
+    rest: Floats
+    """(R,) as that of `MeasureRows`."""
+
+    @classmethod
+    def of(cls, parts: Sequence[MeasureRows | None], nv: int) -> "ClipRows":
+        """Return the rows (R, nv) of single configurations together."""
+        found = [MeasureRows(np.zeros(0), np.zeros((0, nv)), np.zeros(0, int)) if one is None else one for one in parts]
+        counts = [len(one.values) for one in found]
+        columns = [(one.values, one.slope, np.asarray(one.edges), np.full(len(one.values), one.rest)) for one in found]
+        return cls(np.repeat(np.arange(len(found)), counts), *map(np.concatenate, zip(*columns, strict=True)))

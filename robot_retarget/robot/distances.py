@@ -6,6 +6,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.robot.geoms import allowed
+from robot_retarget.robot.kinematics import BLOCK
 from robot_retarget.robot.model import FREE, Robot
 from robot_retarget.robot.separation import Separation
 
@@ -48,14 +49,16 @@ class LinkDistances:
         Returns:
             (P,) distances in the order of `links` [m].
         """
-        pose = np.array(qpos, dtype=float)
-        pose[self._fixed] = self.robot.model.qpos0[self._fixed]
-        near, geoms = self._separation.distances(pose)
-        found = np.full(len(self.links), self.reach)
-        columns = self._column[self._link[geoms[:, 0]], self._link[geoms[:, 1]]]
-        np.minimum.at(found, columns[columns >= 0], near[columns >= 0])
-        return found
+        return self.along(np.array(qpos, dtype=float)[None])[0]
 
     def along(self, path: Floats) -> Floats:
         """Return the distances (T, P) at configurations (T, nq) [m]."""
-        return np.array([self.at(qpos) for qpos in path]).reshape(-1, len(self.links))
+        found = np.full((len(path), len(self.links)), self.reach)
+        for first in range(0, len(path), BLOCK):
+            poses = np.array(path[first : first + BLOCK])
+            poses[:, self._fixed] = self.robot.model.qpos0[self._fixed]
+            near = self._separation.distances(poses)
+            columns = self._column[tuple(self._link[near.geoms.T])]
+            watched = columns >= 0
+            np.minimum.at(found, (first + near.frame[watched], columns[watched]), near.distance[watched])
+        return found

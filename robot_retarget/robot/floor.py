@@ -4,20 +4,23 @@ Feet have separate rows. Hands, knees and the back must stay above the floor. A 
 points, so each geom gives its extreme points straight down and in four directions slightly to the side.
 """
 
+from collections.abc import Iterator
+
 import mujoco
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.robot.boxes import GeomDistances
 from robot_retarget.robot.geoms import solid_geoms
 from robot_retarget.robot.links import local_points
 from robot_retarget.robot.model import Robot
+from robot_retarget.robot.placed import GeomDistances, Placed, joined
 
 FLOOR = -1
 """Geom id of the floor."""
 _ASIDE = 0.3
 _BELOW = np.array([[0, 0, -1], [_ASIDE, 0, -1], [-_ASIDE, 0, -1], [0, _ASIDE, -1], [0, -_ASIDE, -1]], dtype=float)
+_BEFORE = np.tri(len(_BELOW), k=-1, dtype=bool)
 _UP = np.array([0.0, 0.0, 1.0])
 _GEOM = mujoco.mjtGeom
 _AROUND = np.arange(64) * np.pi / 32
@@ -30,46 +33,54 @@ class Floor:
     reach: float
     geoms: Ints
 
-    def __init__(self, robot: Robot, model: mujoco.MjModel, data: mujoco.MjData, feet: frozenset[int], reach: float):
-        """Watch the solid geoms of all links but the `feet` within `reach` [m], at the poses of `data`."""
+    def __init__(self, robot: Robot, model: mujoco.MjModel, feet: frozenset[int], reach: float):
+        """Watch the solid geoms of all links but the `feet` within `reach` [m]."""
         solid = [g for link, own in solid_geoms(robot).items() if link not in feet for g in own]
         self.reach, self.geoms = reach, np.array(sorted(solid), dtype=np.int64)
-        middle, half = np.asarray(model.geom_aabb)[self.geoms].reshape(-1, 2, 3).transpose(1, 2, 0)
+        self.middle, self.half = np.asarray(model.geom_aabb)[self.geoms].reshape(-1, 2, 3).transpose(1, 0, 2)
         self.shapes: list[tuple[Floats, float]] = [_rounded(model, int(geom)) for geom in self.geoms]
-        # Most steps find nothing near the floor: views and buffers are allocated once.
-        self._turns, self._origins = data.geom_xmat, data.geom_xpos
-        self._box, self._up = np.concatenate([middle, -half]), np.empty((6, len(self.geoms)))
-        self._where = 9 * self.geoms + np.array([[6], [7], [8]]), 3 * self.geoms + 2
 
-    def near(self) -> GeomDistances | None:
-        """Return the points within reach of the floor, or None."""
-        found = [(k, self._places(k)) for k in self._below(self.reach)]
-        if not found:
-            return None
-        place = np.concatenate([places for _, places in found])
-        pairs = np.array([(FLOOR, self.geoms[k]) for k, places in found for _ in places])
-        near = GeomDistances(place[:, 2].copy(), pairs, place, np.tile(_UP, (len(place), 1)))
-        return near[np.flatnonzero(near.distance < self.reach)]
+    def near(self, placed: Placed) -> GeomDistances:
+        """Return the points within reach of the floor."""
+        return joined([self._points(k, frames, placed) for k, frames in self._below(placed, self.reach)])
 
-    def depth(self) -> float:
-        """Return the depth of the deepest point under the floor [m], 0 if all points are above it."""
-        return -min([0.0, *(float(self._places(k)[:, 2].min()) for k in self._below(0.0))])
+    def depth(self, placed: Placed) -> Floats:
+        """Return the depths (N,) of the deepest points under the floor [m], 0 if all points are above it."""
+        depth = np.zeros(len(placed))
+        for k, frames in self._below(placed, 0.0):
+            lowest = self._places(k, frames, placed)[0][..., 2].min(axis=1)
+            depth[frames] = np.maximum(depth[frames], -lowest)
+        return depth
 
-    def _below(self, height: float) -> list[int]:
-        """Which geoms are in boxes that come lower than a height [m]: of an axis u, z + u·c − |u|·h."""
-        turns, heights = self._where
-        up = self._turns.take(turns, out=self._up[:3], mode="clip")
-        np.abs(up, out=self._up[3:])
-        lowest = np.add.reduce(np.multiply(self._up, self._box, out=self._up)) + self._origins.take(heights)
-        return [] if lowest.min(initial=np.inf) >= height else np.flatnonzero(lowest < height).tolist()
+    def _below(self, placed: Placed, height: float) -> Iterator[tuple[int, Ints]]:
+        """Yield which geoms are in boxes that come lower than a height [m], in which configurations.
 
-    def _places(self, k: int) -> Floats:
-        """(N, 3) the outermost places of a geom, straight down and a little aside, each once [m]."""
+        Of an axis u, the box comes down to z + u·c − |u|·h.
+        """
+        up = placed.turns.take(self.geoms, axis=1)[:, :, 6:]
+        lowest = np.einsum("ngi,gi->ng", up, self.middle) - np.einsum("ngi,gi->ng", np.abs(up), self.half)
+        below = lowest + placed.positions.take(self.geoms, axis=1)[:, :, 2] < height
+        for k in np.flatnonzero(below.any(axis=0)).tolist():
+            yield k, np.flatnonzero(below[:, k])
+
+    def _points(self, k: int, frames: Ints, placed: Placed) -> GeomDistances:
+        """Return the outermost places of a geom in configurations (F,), each once, that are within reach."""
+        place, outermost = self._places(k, frames, placed)
+        again = ((outermost[:, :, None] == outermost[:, None]) & _BEFORE).any(axis=2)
+        frame, which = (~again & (place[..., 2] < self.reach)).nonzero()
+        place, pair = place[frame, which], np.array([[FLOOR, self.geoms[k]]])
+        count = len(frame)
+        return GeomDistances(
+            frames[frame], place[:, 2].copy(), pair.repeat(count, 0), place, _UP[None].repeat(count, 0)
+        )
+
+    def _places(self, k: int, frames: Ints, placed: Placed) -> tuple[Floats, Ints]:
+        """The outermost places of a geom in configurations (F,), straight down and a little aside (F, 5, 3) [m], and which they are."""
         points, radius = self.shapes[k]
         geom = self.geoms[k]
-        turn = self._turns[geom].reshape(3, 3)
-        outermost = sorted(set((_BELOW @ turn @ points.T).argmax(axis=1).tolist()))
-        return points[outermost] @ turn.T + (self._origins[geom] - radius * _UP)
+        turn, origin = placed.turns[frames, geom].reshape(-1, 3, 3), placed.positions[frames, geom]
+        outermost = (_BELOW @ turn @ points.T).argmax(axis=2)
+        return points[outermost] @ turn.mT + (origin - radius * _UP)[:, None], outermost
 
 
 def _rounded(model: mujoco.MjModel, geom: int) -> tuple[Floats, float]:

@@ -1,21 +1,24 @@
 """Distances between near links, and their Jacobians.
 
 MuJoCo finds the pairs by the model's own contact filter, with margins widened to the reach (it adds the margins of two
-geoms), and gives the Jacobians as rows of its constraints. Pairs of boxes and the floor have their own modules. Pairs that
-overlap where the robot rests are left out: they overlap by construction.
+geoms). Its functions run for one configuration after the other; everything else is computed for all configurations at
+once. Pairs of boxes and the floor have their own modules. Pairs that overlap where the robot rests are left out: they
+overlap by construction.
 """
 
 import copy
+from itertools import pairwise
 
 import mujoco
 import numpy as np
 
 from robot_retarget.arrays import Bools, Floats, Ints
-from robot_retarget.robot.boxes import Boxes, GeomDistances
+from robot_retarget.robot.boxes import Boxes
 from robot_retarget.robot.floor import Floor
 from robot_retarget.robot.geoms import allowed, touchable
 from robot_retarget.robot.kinematics import carrying
 from robot_retarget.robot.model import Robot
+from robot_retarget.robot.placed import GeomDistances, Placed, views
 
 STILL = 0.4
 """Share of the reach within which the floor is watched [-]: it does not move."""
@@ -48,7 +51,7 @@ class Separation:
         self.model.geom_margin[:] = reach / 2
         self.model.body_margin[:] = reach / 2  # the broad phase uses the margins of bodies
         self.model.pair_margin[:] = reach
-        _one_row_a_contact(self.model)
+        self.model.geom_gap[:] = self.model.pair_gap[:] = 0.0
         self.data: mujoco.MjData = mujoco.MjData(self.model)
         self.touching: mujoco.MjData = mujoco.MjData(self.plain)
         self.bodies: Ints = np.append(np.asarray(self.model.geom_bodyid), 0)
@@ -57,8 +60,7 @@ class Separation:
         carried = carrying(self.model).astype(float)
         self.between: Floats = (carried[None] - carried[:, None]).reshape(-1, self.model.nv)
         """(B², nv) +1 where a dof carries the second of two bodies alone, −1 where it carries the first."""
-        # Views are kept: to ask for one takes as long as to use it.
-        self._centres, self._dofs = self.data.subtree_com, self.data.cdof
+        self._views = views(self.data)  # to ask for one takes as long as to use it
         solid = np.asarray(self.model.body_weldid)[self.model.geom_bodyid] != 0
         self.model.geom_contype[~solid] = self.model.geom_conaffinity[~solid] = 0  # the floor of a scene costs time
         self.counts: Bools = np.logical_and.outer(solid, solid)
@@ -71,25 +73,44 @@ class Separation:
         for rest in (robot.neutral(), np.array(robot.model.qpos0)):
             self._learn(rest)
         self._watch(self.boxes.pairs)
-        self.floor: Floor | None = None if feet is None else Floor(robot, self.model, self.data, feet, STILL * reach)
+        self.floor: Floor | None = None if feet is None else Floor(robot, self.model, feet, STILL * reach)
 
     def near(self, qpos: Floats) -> tuple[Floats, Ints, Floats]:
-        """Return distances (C,) [m], negative inside, geoms (C, 2) and slopes by v (C, nv), the floor included."""
-        distance, geoms, slope = self.found(qpos)
-        if self.floor is None or (low := self.floor.near()) is None:
-            return distance, geoms, slope
-        distance, geoms = np.append(distance, low.distance), np.concatenate([geoms, low.geoms])
-        return distance, geoms, np.concatenate([slope, self._slopes(low)])
+        """Return distances (C,) [m], negative inside, geoms (C, 2) and slopes by v (C, nv) at a configuration (nq,)."""
+        found, slope = self.along(qpos[None])
+        return found.distance, found.geoms, slope
 
-    def _slopes(self, found: GeomDistances) -> Floats:
-        """Return (C, nv) slopes by v of distances without MuJoCo contacts.
+    def along(self, qpos: Floats) -> tuple[GeomDistances, Floats]:
+        """Return all places where links are near each other or near the floor, in order of the configurations.
+
+        Args:
+            qpos: (N, nq).
+
+        Returns:
+            C places, and slopes of their distances by v (C, nv).
+        """
+        placed, found = self._measured(qpos)
+        if self.floor is not None:
+            found += self.floor.near(placed)
+        found = found.in_order()
+        return found, self._slopes(placed, found)
+
+    def distances(self, qpos: Floats) -> GeomDistances:
+        """Return all places where links are near each other at configurations (N, nq)."""
+        return self._measured(qpos)[1]
+
+    def _slopes(self, placed: Placed, found: GeomDistances) -> Floats:
+        """Return (C, nv) slopes by v of distances, which are in order of the configurations.
 
         Along the normal n, a point moves by n·(travel + turn × arm) with every dof that carries its body.
         """
         first, second = found.geoms.T
-        arm, along = found.place - self._centres.take(self.trees.take(second), axis=0), found.normal
+        centres = placed.centres.reshape(-1, 3).take(found.frame * self.model.nbody + self.trees.take(second), axis=0)
+        arm, along = found.place - centres, found.normal
         moment = (arm * along.take(_YZX, 1) - arm.take(_YZX, 1) * along).take(_YZX, 1)
-        slope = np.concatenate([moment, along], axis=1) @ self._dofs.T
+        wrench, slope = np.concatenate([moment, along], axis=1), np.empty((len(found), self.model.nv))
+        for frame, (start, end) in enumerate(pairwise(np.searchsorted(found.frame, np.arange(len(placed) + 1)))):
+            np.matmul(wrench[start:end], placed.dofs[frame].T, out=slope[start:end])
         slope *= self.between.take(self.bodies.take(first) * self.model.nbody + self.bodies.take(second), axis=0)
         return slope
 
@@ -118,45 +139,26 @@ class Separation:
             return 0.0
         self.data.qpos[:] = qpos
         mujoco.mj_kinematics(self.model, self.data)
-        return self.floor.depth()
+        return float(self.floor.depth(Placed.of(self.data))[0])
 
-    def found(self, qpos: Floats) -> tuple[Floats, Ints, Floats]:
-        """Return all places where links are near each other.
-
-        Args:
-            qpos: (nq,).
-
-        Returns:
-            Distances (C,) [m], geoms (C, 2), and slopes of the distances by v (C, nv).
-        """
-        seen, boxes = self._collide(qpos)
-        data = self.data
-        mujoco.mj_makeConstraint(self.model, data)
-        slope = data.efc_J.reshape(-1, self.model.nv).take(data.contact.efc_address.take(seen), axis=0)
-        distance, geoms = data.contact.dist.take(seen), data.contact.geom.take(seen, axis=0)
-        if boxes is None:
-            return distance, geoms, slope
-        distance, geoms = np.append(distance, boxes.distance), np.concatenate([geoms, boxes.geoms])
-        return distance, geoms, np.concatenate([slope, self._slopes(boxes)])
-
-    def distances(self, qpos: Floats) -> tuple[Floats, Ints]:
-        """Return distances (C,) [m] and geoms (C, 2) of all places where links are near each other at qpos (nq,)."""
-        seen, boxes = self._collide(qpos)
-        distance, geoms = self.data.contact.dist.take(seen), self.data.contact.geom.take(seen, axis=0)
-        if boxes is None:
-            return distance, geoms
-        return np.append(distance, boxes.distance), np.concatenate([geoms, boxes.geoms])
-
-    def _collide(self, qpos: Floats) -> tuple[Ints, GeomDistances | None]:
-        """Return the contacts (S,) of MuJoCo that count, and the places of boxes, or None for a robot without boxes."""
-        data = self.data
-        data.qpos[:] = qpos
-        mujoco.mj_kinematics(self.model, data)
-        mujoco.mj_comPos(self.model, data)
-        mujoco.mj_collision(self.model, data)
-        pairs = data.contact.geom
-        seen = self.seen[pairs[:, 0], pairs[:, 1]].nonzero()[0]
-        return seen, self.boxes.near(data) if len(self.boxes.pairs) else None
+    def _measured(self, qpos: Floats) -> tuple[Placed, GeomDistances]:
+        """Place the robot in configurations (N, nq); return also where links are near each other, boxes after the others."""
+        placed, data, contacts = Placed.empty(self.model, len(qpos)), self.data, []
+        columns = vars(placed).values()
+        for k, q in enumerate(qpos):
+            data.qpos[:] = q
+            mujoco.mj_kinematics(self.model, data)
+            mujoco.mj_comPos(self.model, data)
+            mujoco.mj_collision(self.model, data)
+            for column, view in zip(columns, self._views, strict=True):
+                column[k] = view
+            each = data.contact
+            contacts.append((each.dist.copy(), each.geom.copy(), each.pos.copy(), each.frame[:, :3].copy()))
+        frame = np.repeat(np.arange(len(qpos)), [len(each[0]) for each in contacts])
+        found = GeomDistances(frame, *map(np.concatenate, zip(*contacts, strict=True)))
+        seen = self.seen.take(found.geoms @ (self.model.ngeom, 1))
+        found = found if seen.all() else found[np.flatnonzero(seen)]
+        return placed, found + self.boxes.near(placed) if len(self.boxes.pairs) else found
 
     def _watch(self, pairs: Ints) -> None:
         """Leave to `Boxes` those of some pairs of geoms (N, 2) that count and are two boxes."""
@@ -166,15 +168,7 @@ class Separation:
 
     def _learn(self, rest: Floats) -> None:
         """Leave out pairs that overlap at rest; remember how near the others are."""
-        for gap, (a, b) in zip(*self.found(rest)[:2], strict=True):
+        found = self.distances(rest[None])
+        for gap, (a, b) in zip(found.distance, found.geoms, strict=True):
             self.counts[a, b] = self.counts[b, a] = self.counts[a, b] and gap > -TIE
             self.rest[a, b] = self.rest[b, a] = min(self.rest[a, b], gap)
-
-
-def _one_row_a_contact(model: mujoco.MjModel) -> None:
-    """Give each contact one row in the Jacobian of the constraints, along its normal, and disable all other rows."""
-    model.geom_condim[:] = model.pair_dim[:] = 1
-    model.geom_gap[:] = model.pair_gap[:] = 0.0
-    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    off = mujoco.mjtDisableBit
-    model.opt.disableflags |= off.mjDSBL_EQUALITY | off.mjDSBL_FRICTIONLOSS | off.mjDSBL_LIMIT

@@ -9,21 +9,18 @@ import numpy as np
 
 from robot_retarget.arrays import Bools, Floats, Ints
 from robot_retarget.graph.role import FRAME, Form, Role
-from robot_retarget.graph.rows import ContactRows, MeasureRows, Past, RowState
+from robot_retarget.graph.rows import ContactRows, MeasureRows, Past, RowState, RowStates
 from robot_retarget.graph.track import Track
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference
 from robot_retarget.robot.swept import SweptConfiguration
+from robot_retarget.solve.near_links import LinearizedDistances, NearLinks
 from robot_retarget.solve.options import SolveOptions
 from robot_retarget.solve.problem import ClipTargets, EdgeTargets, Problem
 from robot_retarget.solve.stencils import Neighbours, Terms, terms
 
 Between = Sequence[tuple[SweptConfiguration, ...]]
 """Per frame, configurations between it and its neighbours."""
-EQUAL = 1e-9
-"""Rows whose distance and slope differ by less, in a fixed mixture, are one row [m]."""
-TIE = 1e-6
-"""Rows whose room differs by less are equal [m]: far above the rounding of distances."""
 
 
 @dataclass(frozen=True)
@@ -45,60 +42,6 @@ class Proximal:
     def of(self, frames: Ints) -> "Proximal":
         """Return the term of some frames."""
         return Proximal(self.anchor[frames], self.offset[frames], self.weight)
-
-
-@dataclass(frozen=True, eq=False)
-class LinearizedDistances:
-    """Distances of links near each other, measured at a configuration."""
-
-    distance: Floats
-    """(C,) [m]."""
-    slope: Floats
-    """(C, nv) derivative by the tangent vector."""
-    bound: Floats
-    """(C,) least distance of the pairs [m]."""
-    edges: Ints
-    """(C,) their edges among those of all kinds."""
-
-    @property
-    def deficit(self) -> Floats:
-        """(C,) bound minus distance [m]."""
-        return self.bound - self.distance
-
-    def of(self, kept: Ints) -> "LinearizedDistances":
-        """Return some of the pairs."""
-        return LinearizedDistances(self.distance[kept], self.slope[kept], self.bound[kept], self.edges[kept])
-
-
-class NearLinks:
-    """Distances of links near each other of N frames, each measured at a configuration; absent ones are infinite."""
-
-    def __init__(self, qpos: Floats, most: int, nv: int):
-        count = len(qpos)
-        self.qpos = qpos.copy()
-        """(N, nq)."""
-        self.deficit = np.full((count, most), -np.inf)
-        """(N, C) bound minus distance [m]."""
-        self.slope = np.zeros((count, most, nv))
-        """(N, C, nv) derivative of the distances by the tangent vector."""
-
-    def of(self, frames: Ints) -> "NearLinks":
-        """Return some of the frames."""
-        found = NearLinks.__new__(NearLinks)
-        found.qpos, found.deficit, found.slope = self.qpos[frames], self.deficit[frames], self.slope[frames]
-        return found
-
-    def replace(self, frames: Ints, other: "NearLinks", chosen: Bools) -> None:
-        """Replace frames by the chosen ones of others."""
-        for name in ("qpos", "deficit", "slope"):
-            getattr(self, name)[frames] = getattr(other, name)[chosen]
-
-    def put(self, frame: int, qpos: Floats, found: LinearizedDistances) -> None:
-        """Store the links of a frame."""
-        count = len(found.distance)
-        self.qpos[frame] = qpos
-        self.deficit[frame, :count], self.slope[frame, :count] = found.deficit, found.slope
-        self.deficit[frame, count:], self.slope[frame, count:] = -np.inf, 0.0
 
 
 @dataclass(eq=False)
@@ -178,13 +121,14 @@ class NumericTrack:
             return None
         return terms(self.track, rows.values, rows.slope, targets, self.columns, np.asarray(rows.edges))
 
-    def near(self, q: Floats, targets: EdgeTargets) -> LinearizedDistances:
-        """Return the rows of an inequality."""
-        rows = self.rows(q, targets) or MeasureRows(
-            np.zeros(0), np.zeros((0, self.problem.robot.model.nv)), np.zeros(0, int)
-        )
-        edges = self.columns.start + np.asarray(rows.edges)
-        return LinearizedDistances(rows.values, rows.slope, np.minimum(targets.lower[edges], rows.rest), edges)
+    def near(self, q: Floats, targets: ClipTargets) -> LinearizedDistances:
+        """Return the rows of an inequality at configurations (N, nq)."""
+        sides = targets.lower[:, self.columns], targets.upper[:, self.columns], targets.priority[:, self.columns]
+        states = RowStates(self.problem.robot, self.problem.match, q, self.reach, sides, self._memory)
+        rows = self.track.kind.clip_rows(self.track, states)
+        edges = self.columns.start + rows.edges
+        bound = np.minimum(targets.lower[rows.frame, edges], rows.rest)
+        return LinearizedDistances(rows.frame, rows.values, rows.slope, bound, edges)
 
 
 class CostModel:
@@ -228,8 +172,8 @@ class CostModel:
         rows[:, :hard, :nv], row_lower[:, :hard] = slope, deficit
         near, apart = self._near(q, targets, known)
         rows[:, hard:, :nv], rows[:, hard:, nv] = near.slope, np.isfinite(apart)
-        for k in np.flatnonzero([bool(ways) for ways in between or ()]).tolist():
-            apart[k] = self._with_ways(q[k], between[k], targets.at(k), rows[k, hard:])  # pyright: ignore[reportOptionalSubscript]
+        if between is not None:
+            self._with_ways(q, between, targets, rows[:, hard:], apart)
         row_lower[:, hard:] = np.where(apart > self.options.tolerated * self.leg, apart, np.minimum(apart, 0.0))
         lacking = self._lacking(apart)
         total += self.options.overlap_cost * lacking**2
@@ -251,13 +195,13 @@ class CostModel:
         """Return the links near each other, and their deficits (N, C) [m]; links measured nearby are extrapolated."""
         if known is None:
             near, moved = NearLinks(q, self.most, self.robot.model.nv), np.zeros((len(q), self.robot.model.nv))
-            stale = range(len(q))
+            stale = np.arange(len(q))
         else:
             near, moved = known, difference(self.robot, known.qpos, q)
-            stale = np.flatnonzero(np.abs(moved).max(axis=1) >= self.options.distance_cache_radius).tolist()
-        for k in stale if self.surfaces else ():
-            near.put(k, q[k], self.near(q[k], targets.at(k)))
-            moved[k] = 0.0
+            stale = np.flatnonzero(np.abs(moved).max(axis=1) >= self.options.distance_cache_radius)
+        if self.surfaces and stale.size:
+            near.put(stale, q[stale], self._measured(q[stale], targets.frames(stale)).foremost(self.most))
+            moved[stale] = 0.0
         return near, near.deficit - np.einsum("tcv,tv->tc", near.slope, moved)
 
     def cost(self, q: Floats, targets: EdgeTargets, past: Past | None = None) -> float:
@@ -267,7 +211,9 @@ class CostModel:
     def parts(self, q: Floats, targets: EdgeTargets, past: Past | None = None) -> dict[str, float]:
         """Return the cost of each numeric kind; that of surfaces is the cost of their slack, at the kind that needs it."""
         found = {each.track.name: 0.0 for each in (*self.surfaces, *self.numeric)}
-        lacking = {each.track.name: float(self._lacking(each.near(q, targets).deficit)) for each in self.surfaces}
+        lacking = {
+            each.track.name: float(self._lacking(each.near(q[None], targets.clip).deficit)) for each in self.surfaces
+        }
         if lacking:
             worst = max(lacking, key=lambda name: lacking[name])
             found[worst] = self.options.overlap_cost * lacking[worst] ** 2
@@ -294,37 +240,35 @@ class CostModel:
         return self.options.overlap_cost * (current.clearance_deficit**2 - slack**2) - (bent * step).sum(axis=1)
 
     def near(self, q: Floats, targets: EdgeTargets) -> LinearizedDistances:
-        """Return the links near each other at a configuration."""
-        return self._foremost([each.near(q, targets) for each in self.surfaces])
+        """Return the links near each other at a configuration (nq,)."""
+        return self._measured(q[None], targets.clip).foremost(self.most)
 
-    def _with_ways(
-        self, q: Floats, between: tuple[SweptConfiguration, ...], targets: EdgeTargets, rows: Floats
-    ) -> Floats:
-        """Fill in the rows (C, nv + 1) of links at a configuration, and between it and its neighbours; return their deficits (C,).
+    def _measured(self, q: Floats, targets: ClipTargets) -> LinearizedDistances:
+        """Return all links near each other at configurations (N, nq)."""
+        return LinearizedDistances.joined([each.near(q, targets) for each in self.surfaces])
+
+    def _with_ways(self, q: Floats, between: Between, targets: ClipTargets, rows: Floats, deficit: Floats) -> None:
+        """Fill in rows (N, C, nv + 1) and deficits (N, C) of frames with ways: of links there and on the ways.
 
         A share of the step moves the configurations between frames. Links may touch there: a margin there would bend
         the frames more than the passage needs.
         """
-        found = [self.near(q, targets)]
-        for way in between:
-            there = self.near(way.at(self.robot, q), targets)
-            found.append(replace(there, slope=way.share * there.slope, bound=np.minimum(there.bound, 0.0)))
-        near, deficit = self._foremost(found), np.full(self.most, -np.inf)
-        count = len(near.distance)
-        deficit[:count], rows[:] = near.deficit, 0.0
-        rows[:count, :-1], rows[:count, -1] = near.slope, 1.0
-        return deficit
-
-    def _foremost(self, found: list[LinearizedDistances]) -> LinearizedDistances:
-        """Return at most `most` of the rows found at one or several configurations, each once."""
-        columns = ("distance", "slope", "bound", "edges")
-        near = found[0]
-        if len(found) > 1:
-            near = replace(near, **{name: np.concatenate([getattr(each, name) for each in found]) for name in columns})
-        if len(near.distance) <= self.most:
-            return near if len(found) == 1 else near.of(np.argsort(near.distance, kind="stable"))
-        near = near.of(_distinct(near))
-        return near.of(tightest_rows(near.distance, near.deficit, self.most))
+        frames = np.flatnonzero([bool(ways) for ways in between])
+        if not frames.size:
+            return
+        ways = [(k, way.share, way.at(self.robot, q[t])) for k, t in enumerate(frames.tolist()) for way in between[t]]
+        owner, share = np.array([way[0] for way in ways]), np.array([way[1] for way in ways])
+        there = self._measured(np.array([way[2] for way in ways]), targets.frames(frames[owner]))
+        there = replace(
+            there,
+            frame=owner[there.frame],
+            slope=share[there.frame, None] * there.slope,
+            bound=np.minimum(there.bound, 0.0),
+        )
+        found = LinearizedDistances.joined([self._measured(q[frames], targets.frames(frames)), there])
+        near = NearLinks(q[frames], self.most, self.robot.model.nv)
+        near.put(np.arange(len(frames)), q[frames], found.foremost(self.most))
+        deficit[frames], rows[frames, :, :-1], rows[frames, :, -1] = near.deficit, near.slope, np.isfinite(near.deficit)
 
     def with_proximal(self, current: Quadratic, q: Floats, proximal: Proximal | None) -> Quadratic:
         """The model with a proximal term on top."""
@@ -378,28 +322,3 @@ class CostModel:
 def diagonal(matrices: Floats) -> Floats:
     """Return the view (N, n) of the diagonals of contiguous matrices (N, n, n)."""
     return matrices.reshape(len(matrices), -1)[:, :: matrices.shape[1] + 1]
-
-
-def _distinct(near: LinearizedDistances) -> Ints:
-    """Return the first of every set of equal rows: geoms that occur twice leave room for no fewer others."""
-    mixed = near.slope @ np.cos(np.arange(near.slope.shape[1])) + near.distance
-    order = np.argsort(mixed, kind="stable")
-    return np.sort(order[np.diff(mixed[order], prepend=-np.inf) > EQUAL])
-
-
-def tightest_rows(distance: Floats, deficit: Floats, most: int) -> Ints:
-    """Return at most `most` rows, those with the least room to their bound, the nearest first.
-
-    Rows with equal room are kept or dropped together, so that left and right are treated alike.
-
-    Args:
-        distance: (C,) [m].
-        deficit: (C,) bound minus distance [m].
-        most: number of rows.
-    """
-    order = np.argsort(distance, kind="stable")
-    if len(order) <= most:
-        return order
-    room = -deficit[order]
-    kept = room < np.sort(room)[most] - TIE
-    return order[kept] if kept.any() else order[np.argsort(room, kind="stable")[:most]]

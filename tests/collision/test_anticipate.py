@@ -14,9 +14,10 @@ from robot_retarget.robot import load_robot
 from robot_retarget.robot.distances import LinkDistances
 from robot_retarget.robot.kinematics import integrate
 from robot_retarget.shipped import SAMPLES
+from robot_retarget.solve.near_links import NearLinks
 from robot_retarget.solve.options import SolveOptions
 from robot_retarget.solve.problem import build_problem, targets_of
-from robot_retarget.solve.quadratic import CostModel, NearLinks, Quadratic
+from robot_retarget.solve.quadratic import CostModel, Quadratic
 from robot_retarget.solve.solve import solve_graph
 from robot_retarget.solve.stencils import Neighbours
 

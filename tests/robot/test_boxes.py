@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.robot import load_robot
-from robot_retarget.robot.boxes import TOUCHING, Boxes, GeomDistances
+from robot_retarget.robot.boxes import TOUCHING, Boxes
 from robot_retarget.robot.geoms import allowed
+from robot_retarget.robot.placed import GeomDistances, Placed
 from robot_retarget.robot.separation import Separation
 
 REACH = 0.05
@@ -28,7 +29,7 @@ def near_at(offset: np.ndarray, turn: Rotation, reach: float = REACH) -> tuple[G
     model, data = two_boxes()
     data.qpos[7:10], data.qpos[10:] = offset, turn.as_quat(scalar_first=True)
     mujoco.mj_kinematics(model, data)
-    found = Boxes(model, np.array([[0, 1]]), reach).near(data)
+    found = Boxes(model, np.array([[0, 1]]), reach).near(Placed.of(data))
     return found, mujoco.mj_geomDistance(model, data, 0, 1, 1.0, None)
 
 
@@ -84,7 +85,7 @@ def test_nothing_that_is_near_goes_unseen() -> None:
     qpos, compared = robot.neutral(), 0
     for _ in range(20):
         qpos[robot.qpos_index] = draw.uniform(robot.lower, robot.upper)
-        gaps, geoms, _ = separation.found(qpos)
+        gaps, geoms, _ = separation.near(qpos)
         least = dict.fromkeys(pairs, np.inf)
         for pair, gap in zip(map(tuple, np.sort(geoms, axis=1).tolist()), gaps, strict=True):
             least[pair] = min(least[pair], gap)
@@ -133,5 +134,5 @@ def test_boxes_that_overlap_are_seen_also_where_mujoco_gives_no_distance() -> No
     model, data = two_boxes(((0.057, 0.039, 0.004),) * 2)
     for geom, (place, turn) in enumerate(MIRRORED_FEET):
         data.geom_xpos[geom], data.geom_xmat[geom] = place, turn
-    found = Boxes(model, np.array([[0, 1]]), REACH).near(data)
+    found = Boxes(model, np.array([[0, 1]]), REACH).near(Placed.of(data))
     assert abs(found.distance.min() + 0.001196) < 1e-6

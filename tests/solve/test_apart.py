@@ -15,9 +15,9 @@ from robot_retarget.robot.kinematics import carrying, difference, integrate
 from robot_retarget.robot.separation import Separation
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.descent import FrameSolution
+from robot_retarget.solve.near_links import tightest_rows
 from robot_retarget.solve.options import Smoothing
 from robot_retarget.solve.problem import build_problem, targets_of
-from robot_retarget.solve.quadratic import tightest_rows
 from robot_retarget.solve.solve import solve_graph
 from robot_retarget.solve.sqp import FrameSolver
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_retarget.arrays import Ints
-from robot_retarget.graph.kind import Form, Kind, MeasureRows, RetargetContext, Role, RowState, Track
+from robot_retarget.graph.kind import ClipRows, Form, Kind, RetargetContext, Role, RowState, RowStates, Track
 from robot_retarget.graph.track import limit
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot
@@ -36,17 +36,16 @@ class SeparationKind(Kind):
         ends = [*pairs, *lying]
         return limit(self, ends, margins, np.inf, len(context.human)) if ends else None
 
-    def rows(self, track: Track, state: RowState) -> MeasureRows | None:
+    def clip_rows(self, track: Track, states: RowStates) -> ClipRows:
         """Return the distances of near surfaces; surfaces without an edge may overlap."""
-        watched = _watched(track, state)
-        distance, geoms, slope = watched.surfaces.near(state.qpos)
-        first, second = geoms.T
-        pair = first * len(watched.edges) + second
+        watched = _watched(track, states)
+        found, slope = watched.surfaces.along(states.qpos)
+        pair = found.geoms @ (len(watched.edges), 1)
         edges, rest = watched.edges.take(pair), watched.surfaces.rest.take(pair)
         if edges.min(initial=0) >= 0:
-            return MeasureRows(distance, slope, edges, rest)
+            return ClipRows(found.frame, found.distance, slope, edges, rest)
         kept = np.flatnonzero(edges >= 0)
-        return MeasureRows(distance[kept], slope[kept], edges[kept], rest[kept])
+        return ClipRows(found.frame[kept], found.distance[kept], slope[kept], edges[kept], rest[kept])
 
     def overlap(self, track: Track, state: RowState) -> float:
         """Return the depth of the deepest overlap of two links [m]."""
@@ -68,7 +67,7 @@ class _Watched:
     """(G + 1, G + 1) the edge of every two geoms, −1 without one; the floor comes last."""
 
 
-def _watched(track: Track, state: RowState) -> _Watched:
+def _watched(track: Track, state: RowState | RowStates) -> _Watched:
     if "watched" not in state.memory:
         robot, places = state.robot, {frozenset(ends): edge for edge, ends in enumerate(track.ends)}
         surfaces = Surfaces(robot, max(state.reach, 2 * float(track.lower.max())), _feet(robot, state.match))

@@ -1,0 +1,119 @@
+"""Links near each other at the frames of a clip: their distances, and which of them have rows."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_retarget.arrays import Bools, Floats, Ints
+
+EQUAL = 1e-9
+"""Rows whose distance and slope differ by less, in a fixed mixture, are one row [m]."""
+TIE = 1e-6
+"""Rows whose room differs by less are equal [m]: far above the rounding of distances."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinearizedDistances:
+    """Distances of links near each other, measured at N configurations."""
+
+    frame: Ints
+    """(C,) the configuration, 0 … N − 1."""
+    distance: Floats
+    """(C,) [m]."""
+    slope: Floats
+    """(C, nv) derivative by the tangent vector."""
+    bound: Floats
+    """(C,) least distance of the pairs [m]."""
+    edges: Ints
+    """(C,) their edges among those of all kinds."""
+
+    @property
+    def deficit(self) -> Floats:
+        """(C,) bound minus distance [m]."""
+        return self.bound - self.distance
+
+    def __len__(self) -> int:
+        return len(self.distance)
+
+    def of(self, kept: Ints) -> "LinearizedDistances":
+        """Return some of the pairs."""
+        return LinearizedDistances(*(column[kept] for column in vars(self).values()))
+
+    @staticmethod
+    def joined(parts: Sequence["LinearizedDistances"]) -> "LinearizedDistances":
+        """Return the pairs of several measurements of the same configurations."""
+        columns = zip(*(vars(part).values() for part in parts), strict=True)
+        return parts[0] if len(parts) == 1 else LinearizedDistances(*map(np.concatenate, columns))
+
+    def foremost(self, most: int) -> "LinearizedDistances":
+        """Return at most `most` rows of every configuration, in order of the configurations and of the distances.
+
+        Where they are more, each counts once.
+        """
+        found, counts = self.of(np.lexsort((self.distance, self.frame))), np.bincount(self.frame)
+        if counts.max(initial=0) <= most:
+            return found
+        kept, ends = np.ones(len(found), dtype=bool), counts.cumsum().tolist()
+        for k in np.flatnonzero(counts > most).tolist():
+            own = np.arange(ends[k] - counts[k], ends[k])
+            kept[own] = False
+            own = own[_distinct(found.of(own))]
+            kept[own[tightest_rows(found.distance[own], found.deficit[own], most)]] = True
+        return found.of(np.flatnonzero(kept))
+
+
+class NearLinks:
+    """Distances of links near each other of N frames, each measured at a configuration; absent ones are infinite."""
+
+    def __init__(self, qpos: Floats, most: int, nv: int):
+        count = len(qpos)
+        self.qpos = qpos.copy()
+        """(N, nq)."""
+        self.deficit = np.full((count, most), -np.inf)
+        """(N, C) bound minus distance [m]."""
+        self.slope = np.zeros((count, most, nv))
+        """(N, C, nv) derivative of the distances by the tangent vector."""
+
+    def of(self, frames: Ints) -> "NearLinks":
+        """Return some of the frames."""
+        found = NearLinks.__new__(NearLinks)
+        found.qpos, found.deficit, found.slope = self.qpos[frames], self.deficit[frames], self.slope[frames]
+        return found
+
+    def replace(self, frames: Ints, other: "NearLinks", chosen: Bools) -> None:
+        """Replace frames by the chosen ones of others."""
+        for name in ("qpos", "deficit", "slope"):
+            getattr(self, name)[frames] = getattr(other, name)[chosen]
+
+    def put(self, frames: Ints, qpos: Floats, found: LinearizedDistances) -> None:
+        """Store the links of frames (F,), at most C of each and in their order."""
+        first = np.searchsorted(found.frame, np.arange(len(frames)))
+        place = frames[found.frame], np.arange(len(found)) - first[found.frame]
+        self.qpos[frames], self.deficit[frames], self.slope[frames] = qpos, -np.inf, 0.0
+        self.deficit[place], self.slope[place] = found.deficit, found.slope
+
+
+def _distinct(near: LinearizedDistances) -> Ints:
+    """Return the first of every set of equal rows: geoms that occur twice leave room for no fewer others."""
+    mixed = near.slope @ np.cos(np.arange(near.slope.shape[1])) + near.distance
+    order = np.argsort(mixed, kind="stable")
+    return np.sort(order[np.diff(mixed[order], prepend=-np.inf) > EQUAL])
+
+
+def tightest_rows(distance: Floats, deficit: Floats, most: int) -> Ints:
+    """Return at most `most` rows, those with the least room to their bound, the nearest first.
+
+    Rows with equal room are kept or dropped together, so that left and right are treated alike.
+
+    Args:
+        distance: (C,) [m].
+        deficit: (C,) bound minus distance [m].
+        most: number of rows.
+    """
+    order = np.argsort(distance, kind="stable")
+    if len(order) <= most:
+        return order
+    room = -deficit[order]
+    kept = room < np.sort(room)[most] - TIE
+    return order[kept] if kept.any() else order[np.argsort(room, kind="stable")[:most]]
