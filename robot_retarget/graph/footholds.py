@@ -33,6 +33,8 @@ class Footholds:
     """(T, F, 4) which corners stand: the front ones while the toe does, the rear ones while the heel does."""
     places: Floats
     """(T, F, 4, 3) places of standing corners, and targets of a swing foot's corners [m]."""
+    rises: Floats
+    """(T, F, 4) largest heights of standing corners over their places [m]."""
 
 
 def footholds_of(human: HumanFeatures, match: Match, robot: Robot, backlash: float = np.inf) -> Footholds:
@@ -43,12 +45,13 @@ def footholds_of(human: HumanFeatures, match: Match, robot: Robot, backlash: flo
     """
     feet = placed_feet(match, robot)
     held = np.zeros((len(human), len(feet), CORNERS), dtype=bool)
-    places = np.zeros((*held.shape, 3))
+    places, rises = np.zeros((*held.shape, 3)), np.zeros(held.shape)
     scene = placed_scene(human, match)
     for k, foot in enumerate(feet):
         if foot in human.contacts:
             held[:, k, TOE], held[:, k, HEEL] = human.contacts[foot][:, :1], human.contacts[foot][:, 1:]
-        corners = sole_of(human, match, robot, foot).places(human)
+        sole = sole_of(human, match, robot, foot)
+        corners, rises[:, k] = sole.places(human), sole.rises(human, held[:, k])
         heading = settled_heading(held[:, k], lengths(corners), backlash)
         if scene is None:
             places[:, k] = foothold_corners(held[:, k], corners, heading=heading)
@@ -56,7 +59,7 @@ def footholds_of(human: HumanFeatures, match: Match, robot: Robot, backlash: flo
         surface = surface_under(human, scene, foot)
         corners = corners + surface.shift[:, None]
         places[:, k] = foothold_corners(held[:, k], corners, surface=surface, heading=heading)
-    return Footholds(feet, held, places)
+    return Footholds(feet, held, places, rises)
 
 
 def placed_feet(match: Match, robot: Robot) -> tuple[str, ...]:
@@ -116,6 +119,8 @@ class Sole:
     """[m]"""
     corners: Floats
     """(4, 3) corners relative to the ankle: ahead, to its left and up [m]."""
+    tips: tuple[Floats, Floats]
+    """(P, 3) points of the foot from the front corners on, and from the rear corners back: toes and heel are round [m]."""
 
     def places(self, human: HumanFeatures) -> Floats:
         """Return (T, 4, 3) corners with the rotation of the human's foot [m]."""
@@ -123,8 +128,27 @@ class Sole:
         outward = leftward(human.heading) * (1 if self.foot == "l" else -1)
         places = self.root_scaling.path(human) + self.root_scaling.ratio * (ankle - (left + right) / 2)
         places[:, :2] += self.wider * outward
-        turn = human.segments.get(f"{self.foot}_foot", human.facing)
-        return places[:, None] + self.corners @ turn.swapaxes(1, 2)
+        return places[:, None] + self.corners @ self._turn(human).swapaxes(1, 2)
+
+    def rises(self, human: HumanFeatures, held: np.ndarray) -> Floats:
+        """Return (T, 4) how high standing corners are while the pitched foot touches the ground with its tip [m].
+
+        A round foot that stands on its toes or its heel alone touches the ground beyond their corners.
+
+        Args:
+            held: (T, 4) which corners stand.
+        """
+        up = self._turn(human)[:, 2] * [1.0, 0.0, 1.0]
+        up /= np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-9)
+        found = np.zeros(held.shape)
+        for edge, other, tip in zip((TOE, HEEL), (HEEL, TOE), self.tips, strict=True):
+            alone = held[:, edge] & ~held[:, other]
+            found[:, edge] = alone * (up @ self.corners[edge].T - (up @ tip.T).min(axis=1, keepdims=True))
+        return found
+
+    def _turn(self, human: HumanFeatures) -> Floats:
+        """Return (T, 3, 3) the axes of the human's foot."""
+        return human.segments.get(f"{self.foot}_foot", human.facing)
 
 
 def sole_of(human: HumanFeatures, match: Match, robot: Robot, foot: str) -> Sole:
@@ -134,25 +158,30 @@ def sole_of(human: HumanFeatures, match: Match, robot: Robot, foot: str) -> Sole
         foot: `l` or `r`.
     """
     left, right = (match.index(f"{side}_hip") for side in "lr")
-    hip, corners = _hip_and_sole(robot, match, foot)
+    hip, points = _hip_and_sole(robot, match, foot)
+    corners, ahead = points[:CORNERS], points[:, 0]
+    tips = points[ahead >= corners[TOE, 0].min()], points[ahead <= corners[HEEL, 0].max()]
     apart = np.linalg.norm(human.positions[:, left] - human.positions[:, right], axis=1)
     wider = hip - match.leg_ratio * float(np.median(apart)) / 2
-    return Sole(foot, root_scaling_of(human, match), (left, right), match.index(f"{foot}_ankle"), wider, corners)
+    return Sole(foot, root_scaling_of(human, match), (left, right), match.index(f"{foot}_ankle"), wider, corners, tips)
 
 
 def _hip_and_sole(robot: Robot, match: Match, foot: str) -> tuple[float, Floats]:
-    """Return half the hip width [m], and (4, 3) sole corners ahead of the ankle, to its left and up [m], standing."""
-    sites, corners = match.anatomy.sites, sole_corners(match.anatomy, foot)
+    """Return half the hip width [m], and points (P, 3) of the sole ahead of the ankle, to its left and up, standing [m].
+
+    The first points are the corners.
+    """
+    sites, corners, sole = match.anatomy.sites, sole_corners(match.anatomy, foot), match.anatomy.soles[foot]
     named = [sites[k] for k in ("l_hip", "r_hip", f"{foot}_ankle")]
     points = Points(
-        np.append([site.body for site in named], corners.bodies),
-        np.vstack([*(site.offset for site in named), corners.offsets]),
+        np.concatenate([[site.body for site in named], corners.bodies, sole.bodies]),
+        np.vstack([*(site.offset for site in named), corners.offsets, sole.offsets]),
     )
-    left, right, ankle, *sole = world_points(robot, points, robot.standing()[None])[0]
-    along = np.array(sole) - ankle
-    ahead = unit(lengths(along))
-    own = np.column_stack([along[:, :2] @ ahead, along[:, :2] @ leftward(ahead), along[:, 2]])
-    return float(np.linalg.norm((left - right)[:2])) / 2, own
+    left, right, ankle, *own = world_points(robot, points, robot.standing()[None])[0]
+    along = np.array(own) - ankle
+    ahead = unit(lengths(along[:CORNERS]))
+    turned = np.column_stack([along[:, :2] @ ahead, along[:, :2] @ leftward(ahead), along[:, 2]])
+    return float(np.linalg.norm((left - right)[:2])) / 2, turned
 
 
 def without_unreachable(held: np.ndarray, away: Floats, unreached: Bools, fixed: int = 0) -> np.ndarray:

@@ -4,12 +4,14 @@ from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 
+import mujoco
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
+from shared_files import SHARED, needs_shared
 
 from robot_retarget.arrays import Floats, intervals
 from robot_retarget.graph.describe import RobotGraph, describe
@@ -18,6 +20,7 @@ from robot_retarget.graph.footholds import (
     footholds_of,
     median_pose,
     settled_heading,
+    sole_of,
     without_unreachable,
 )
 from robot_retarget.graph.soles import HEEL, TOE, flattened, lengths
@@ -27,8 +30,9 @@ from robot_retarget.human.ground import floor_under
 from robot_retarget.human.match import match
 from robot_retarget.motion import Motion, read_motion
 from robot_retarget.ramps import smoothstep
-from robot_retarget.robot import load_robot, world_points
+from robot_retarget.robot import Robot, load_robot, world_points
 from robot_retarget.robot.feet import sole_corners
+from robot_retarget.robot.recognise import recognise
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.live.stream import stream
 from robot_retarget.solve.solve import solve_graph
@@ -274,6 +278,50 @@ def test_read_off_a_human_ankles_stand_where_the_humans_do_scaled_by_the_leg() -
         middles = np.array([found.places[start, k].mean(axis=0)[:2] for start, _ in stands])
         theirs = np.array([np.median(ankle[start:stop], axis=0)[:2] for start, stop in stands]) * graph.match.leg_ratio
         assert np.allclose(np.diff(middles, axis=0), np.diff(theirs, axis=0), atol=0.02)
+
+
+def pitched_foot(robot: Robot, body: int, pitch: float) -> Floats:
+    """Brute force: the heights of the corners of a foot of a standing robot that is pitched, over its lowest vertex [m]."""
+    data, model = mujoco.MjData(robot.model), robot.model
+    data.qpos[:] = robot.standing()
+    data.qpos[3:7] = (Rotation.from_euler("y", pitch) * Rotation.from_quat(data.qpos[3:7], scalar_first=True)).as_quat(
+        scalar_first=True
+    )
+    mujoco.mj_kinematics(model, data)
+    lowest = np.inf
+    for geom in np.flatnonzero((model.geom_bodyid == body) & (model.geom_type == mujoco.mjtGeom.mjGEOM_MESH)):
+        first, number = (int(x[model.geom_dataid[geom]]) for x in (model.mesh_vertadr, model.mesh_vertnum))
+        vertices = model.mesh_vert[first : first + number] @ data.geom_xmat[geom].reshape(3, 3).T
+        lowest = min(lowest, float((vertices + data.geom_xpos[geom])[:, 2].min()))
+    corners = sole_corners(recognise(robot), "l")
+    places = corners.offsets @ data.xmat[body].reshape(3, 3).T + data.xpos[body]
+    return places[:, 2] - lowest
+
+
+@needs_shared
+@pytest.mark.parametrize("pitch", [0.3, 0.6, 1.0, 1.5])
+@pytest.mark.parametrize(("edge", "way"), [(TOE, 1), (HEEL, -1)], ids=["toes", "heel"])
+def test_a_round_foot_on_its_toes_or_heel_has_their_corners_as_high_as_its_mesh_says(
+    pitch: float, edge: list[int], way: int
+) -> None:
+    """The recognised sole has some of the mesh's vertices, within 2 mm of its hull."""
+    robot = load_robot(SHARED / "robots/unitree_g1/unitree_g1.xml")
+    motion = read_motion(SAMPLES / "walk.bvh")
+    human, matched = features_of(motion, match(motion, robot)), match(motion, robot)
+    turn = Rotation.from_euler("y", way * pitch).as_matrix()
+    human = replace(human, segments=human.segments | {"l_foot": np.broadcast_to(turn, (len(human), 3, 3))})
+    held = np.zeros((len(human), 4), dtype=bool)
+    held[:, edge] = True
+    rises = sole_of(human, matched, robot, "l").rises(human, held)[0]
+    heights = pitched_foot(robot, sole_corners(recognise(robot), "l").bodies[0], way * pitch)
+    np.testing.assert_allclose(rises[edge], heights[edge], atol=2e-3)
+    assert not rises[[k for k in range(4) if k not in edge]].any()
+
+
+def test_a_flat_foot_has_its_corners_on_the_floor() -> None:
+    matched = match(walk().motion, load_robot("op3"))
+    human = features_of(walk().motion, matched)
+    assert not sole_of(human, matched, load_robot("op3"), "l").rises(human, np.ones((len(human), 4), bool)).any()
 
 
 def test_a_robot_that_is_bolted_to_the_world_has_no_footholds() -> None:

@@ -49,9 +49,10 @@ class CausalFootholds:
         """Time since a foot last touched down or rose [s]."""
 
     def at(self, frame: StreamFrame) -> tuple[Floats, Floats, Floats]:
-        """Return the targets of corners (F · 4 · 3) [m] twice, and π."""
+        """Return the intervals of corners (F · 4 · 3) [m], and π."""
         human, corners, seconds = frame.human, frame.corners, frame.seconds
         target, priority = np.empty_like(self.places), np.zeros((len(self.feet), CORNERS, 3))
+        upper = np.empty_like(self.places)
         for k, sole in enumerate(self.soles):
             surface = None if frame.scene is None else surface_under(human, frame.scene, sole.foot)
             carried = sole.places(human)[0] + (0.0 if surface is None else surface.shift[0])
@@ -67,7 +68,9 @@ class CausalFootholds:
                 self.offset[k] = corners[k] - carried
             self.held[k] = held
             target[k], priority[k] = self._standing(k) if stands else self._swinging(k, carried)
-        return target.ravel(), target.ravel(), priority.ravel()
+            upper[k] = target[k]
+            upper[k, :, 2] += sole.rises(human, held[None])[0]
+        return target.ravel(), upper.ravel(), priority.ravel()
 
     def _stands(self, human: HumanFeatures, foot: str) -> np.ndarray:
         held, schedule = np.zeros(CORNERS, dtype=bool), human.contacts.get(foot)

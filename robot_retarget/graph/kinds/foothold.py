@@ -80,7 +80,8 @@ class FootholdKind(Kind):
         stands = np.asarray(footholds.held.any(axis=2))[:, :, None, None]
         priority = np.where(stands, held, weights.swing).reshape(len(footholds.places), -1)
         places = footholds.places.reshape(len(footholds.places), -1)
-        return exact(self, ends, places, priority, leg, axes=AXES * (len(ends) // len(AXES)))
+        edges = exact(self, ends, places, priority, leg, axes=AXES * (len(ends) // len(AXES)))
+        return replace(edges, upper=(footholds.places + _up(footholds.rises)).reshape(places.shape))
 
     def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
         """Where the corners are, x y z of one after the other [m]."""
@@ -120,10 +121,10 @@ class FootholdKind(Kind):
         stood = self._held(track)
         feet = ~stood[:-1].any(axis=2) & stood[1:].any(axis=2)
         lands = np.repeat(np.repeat(feet, len(CORNER_NAMES), axis=1), len(AXES), axis=1)
-        places, priority = track.lower.copy(), track.priority.copy()
-        for side in (places, priority):
+        lower, upper, priority = track.lower.copy(), track.upper.copy(), track.priority.copy()
+        for side in (lower, upper, priority):
             side[:-1][lands] = side[1:][lands]
-        return replace(track, lower=places, upper=places, priority=priority)
+        return replace(track, lower=lower, upper=upper, priority=priority)
 
     def _flat(self, track: Track) -> Track:
         """Return targets that lay standing soles on the floor, at any place."""
@@ -150,7 +151,10 @@ class FootholdKind(Kind):
             places[nears] = plan[nears]
         places = places.reshape(measured.shape)
         priority = self._freed(track.priority.reshape(*held.shape, len(AXES)), planned & ~held)
-        return replace(track, lower=places, upper=places, priority=priority.reshape(measured.shape))
+        upper = places + np.where(
+            np.repeat(held, len(AXES), axis=-1).reshape(measured.shape), track.upper - track.lower, 0.0
+        )
+        return replace(track, lower=places, upper=upper, priority=priority.reshape(measured.shape))
 
     def _headings(self, held: np.ndarray, plan: Floats, corners: Floats) -> list[Floats]:
         """Return the heading (T,) of each foot with which its stances turn [rad].
@@ -189,6 +193,11 @@ class FootholdKind(Kind):
         hinges = [int((moves[sole.bodies[0]] & ~pelvis).sum()) for sole in soles.values()]
         laid = HARD if min(hinges, default=6) >= 6 else self.tilting
         return laid if context.scene is None else min(laid, self.on_bodies)
+
+
+def _up(heights: Floats) -> Floats:
+    """Return heights (…) as vectors (…, 3) [m]."""
+    return heights[..., None] * [0.0, 0.0, 1.0]
 
 
 def _places(
