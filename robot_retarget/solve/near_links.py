@@ -54,13 +54,11 @@ class LinearizedDistances:
         found, counts = self.of(np.lexsort((self.distance, self.frame))), np.bincount(self.frame)
         if counts.max(initial=0) <= most:
             return found
-        kept, ends = np.ones(len(found), dtype=bool), counts.cumsum().tolist()
-        for k in np.flatnonzero(counts > most).tolist():
-            own = np.arange(ends[k] - counts[k], ends[k])
-            kept[own] = False
-            own = own[_distinct(found.of(own))]
-            kept[own[tightest_rows(found.distance[own], found.deficit[own], most)]] = True
-        return found.of(np.flatnonzero(kept))
+        crowded = np.flatnonzero((counts > most)[found.frame])
+        kept = np.ones(len(found), dtype=bool)
+        kept[crowded[_repeated(found.of(crowded))]] = False
+        found = found.of(np.flatnonzero(kept))
+        return found.of(np.flatnonzero(tightest_rows(found.frame, found.deficit, most)))
 
 
 class NearLinks:
@@ -94,26 +92,31 @@ class NearLinks:
         self.deficit[place], self.slope[place] = found.deficit, found.slope
 
 
-def _distinct(near: LinearizedDistances) -> Ints:
-    """Return the first of every set of equal rows: geoms that occur twice leave room for no fewer others."""
-    mixed = near.slope @ np.cos(np.arange(near.slope.shape[1])) + near.distance
-    order = np.argsort(mixed, kind="stable")
-    return np.sort(order[np.diff(mixed[order], prepend=-np.inf) > EQUAL])
+def _repeated(near: LinearizedDistances) -> Bools:
+    """Return which rows equal an earlier one of their configuration: geoms that occur twice leave room for no fewer others."""
+    mixed, same = near.slope @ np.cos(np.arange(near.slope.shape[1])) + near.distance, np.zeros(len(near), dtype=bool)
+    order = np.lexsort((mixed, near.frame))
+    same[order[1:]] = (near.frame[order[1:]] == near.frame[order[:-1]]) & (np.diff(mixed[order]) <= EQUAL)
+    return same
 
 
-def tightest_rows(distance: Floats, deficit: Floats, most: int) -> Ints:
-    """Return at most `most` rows, those with the least room to their bound, the nearest first.
+def tightest_rows(frame: Ints, deficit: Floats, most: int) -> Bools:
+    """Return which rows to keep, at most `most` of every configuration: those with the least room to their bound.
 
-    Rows with equal room are kept or dropped together, so that left and right are treated alike.
+    Rows with equal room are kept or dropped together, so that left and right are treated alike. Where more than `most`
+    rows have the least room, the first of them are kept.
 
     Args:
-        distance: (C,) [m].
+        frame: (C,) the configuration of each row, in order.
         deficit: (C,) bound minus distance [m].
         most: number of rows.
     """
-    order = np.argsort(distance, kind="stable")
-    if len(order) <= most:
-        return order
-    room = -deficit[order]
-    kept = room < np.sort(room)[most] - TIE
-    return order[kept] if kept.any() else order[np.argsort(room, kind="stable")[:most]]
+    room, counts = -deficit, np.bincount(frame)
+    order, first = np.lexsort((room, frame)), counts.cumsum() - counts
+    rank = np.empty(len(order), dtype=int)
+    rank[order] = np.arange(len(order)) - first[frame]
+    least_dropped, crowded = np.full(len(counts), np.inf), counts > most
+    least_dropped[crowded] = room[order[first[crowded] + most]]
+    kept = room < least_dropped[frame] - TIE
+    some = np.bincount(frame, weights=kept)[frame] > 0
+    return np.where(some, kept, rank < most)

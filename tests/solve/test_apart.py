@@ -15,7 +15,7 @@ from robot_retarget.robot.kinematics import carrying, difference, integrate
 from robot_retarget.robot.separation import Separation
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.descent import FrameSolution
-from robot_retarget.solve.near_links import tightest_rows
+from robot_retarget.solve.near_links import LinearizedDistances, tightest_rows
 from robot_retarget.solve.options import Smoothing
 from robot_retarget.solve.problem import build_problem, targets_of
 from robot_retarget.solve.solve import solve_graph
@@ -40,8 +40,8 @@ def test_slopes_agree_with_central_differences() -> None:
 
     def nearest(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         distance, _, slope = separation.near(at)
-        kept = tightest_rows(distance, -distance, 24)
-        return distance[kept], slope[kept]
+        order = np.argsort(distance)[tightest_rows(np.zeros(len(distance), int), -np.sort(distance), 24)]
+        return distance[order], slope[order]
 
     distance, slope = nearest(pose)
     assert len(distance) > 3
@@ -69,11 +69,21 @@ def test_of_more_places_than_there_are_rows_those_with_the_least_room_to_the_mar
         distance[6:], rest[6:] = distance[:6], rest[:6]  # left and right
         distance, rest = distance[(shuffled := draw.permutation(12))], rest[shuffled]
         room = distance - np.minimum(0.01, rest)
-        kept = tightest_rows(distance, -room, 6)
-        assert len(kept) == 6 and room[kept].max() < np.delete(room, kept).min()
-        assert (np.diff(distance[kept]) >= 0).all()
-        odd = tightest_rows(distance[1:], -room[1:], 6)  # one has lost its counterpart
-        assert len(odd) <= 6 and room[1:][odd].max() < np.delete(room[1:], odd).min()
+        frame = np.repeat([0, 1], [12, 11])  # in the second, one has lost its counterpart
+        both = tightest_rows(frame, -np.concatenate([room, room[1:]]), 6)
+        kept, odd = both[:12], both[12:]
+        assert kept.sum() == 6 and room[kept].max() < room[~kept].min()
+        assert odd.sum() <= 6 and room[1:][odd].max() < room[1:][~odd].min()
+
+
+def test_equal_rows_take_one_place_each_and_the_nearest_come_first() -> None:
+    draw = np.random.default_rng(1)
+    frame, distance, slope = np.repeat([0, 1, 2], [30, 4, 30]), draw.uniform(0.0, 0.02, 64), draw.normal(size=(64, 9))
+    distance[20:30], slope[20:30] = distance[:10], slope[:10]  # the first frame has 20 different rows
+    found = LinearizedDistances(frame, distance, slope, np.full(64, 0.002), np.zeros(64, int)).foremost(24)
+    for k, own in enumerate((np.arange(20), np.arange(30, 34), np.arange(34, 64))):
+        expected = np.sort(distance[own])[:24]
+        np.testing.assert_array_equal(found.distance[found.frame == k], expected)
 
 
 def test_a_dof_carries_exactly_the_bodies_it_moves() -> None:
