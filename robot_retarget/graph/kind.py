@@ -133,13 +133,13 @@ class Kind:
         """Return the nearby configuration (nq,) that meets the edges of a numeric cost; the same by default."""
         return state.qpos
 
-    def overlap(self, track: Track, state: RowState) -> float:
-        """Return how deep surfaces are inside each other [m], which a repair undoes; of a numeric inequality."""
-        return 0.0
+    def overlap(self, track: Track, states: RowStates) -> Floats:
+        """Return how deep surfaces are inside each other (N,) [m], which a repair undoes; of a numeric inequality."""
+        return np.zeros(len(states.qpos))
 
-    def penetration(self, track: Track, state: RowState) -> float:
-        """Return how deep surfaces are under the floor [m], which raising the root undoes; of a numeric inequality."""
-        return 0.0
+    def penetration(self, track: Track, states: RowStates) -> Floats:
+        """Return how deep surfaces are under the floor (N,) [m], which raising the root undoes; of a numeric inequality."""
+        return np.zeros(len(states.qpos))
 
     def renewed(self, track: Track, measured: Floats | None, phase: Phase) -> Track:
         """Return the targets in a phase of the solution.

@@ -61,15 +61,15 @@ class RowStates:
     """(N, nq)."""
     reach: float
     """Surfaces farther apart need no rows [m]."""
-    targets: tuple[Floats, Floats, Floats]
-    """Lower bounds, upper bounds and π (N, E) of the kind's edges."""
+    targets: tuple[Floats, Floats, Floats] | None
+    """Lower bounds, upper bounds and π (N, E) of the kind's edges; None where a repair asks for overlaps."""
     memory: dict[str, Any]
     """State of the kind between evaluations, per solver and track."""
 
     def at(self, frame: int) -> RowState:
         """Return one of them."""
-        lower, upper, priority = (side[frame] for side in self.targets)
-        sides = lower, upper, priority
+        lower, upper, priority = self.targets or (self.qpos,) * 3
+        sides = None if self.targets is None else (lower[frame], upper[frame], priority[frame])
         return RowState(self.robot, self.match, self.qpos[frame], self.reach, targets=sides, memory=self.memory)
 
 

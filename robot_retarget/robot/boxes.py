@@ -16,6 +16,8 @@ from robot_retarget.robot.placed import NOWHERE, GeomDistances, Placed
 
 TOUCHING = 1e-9
 """Boxes this near have no direction between them [m]."""
+TOGETHER = 32
+"""Configurations in which all boxes are compared with each other at once: their distances stay in the processor's cache."""
 _CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 
 
@@ -61,8 +63,9 @@ class Boxes:
         Returns also the second box's rotation and centre in the first's axes.
         """
         centres = placed.positions.take(self.boxes, axis=1)
-        squares = (centres * centres).sum(axis=2)
-        frame, *ends = (squares[:, :, None] + squares[:, None] - 2 * centres @ centres.mT < self.balls).nonzero()
+        blocks = range(0, len(centres), TOGETHER)
+        near = [first * self.balls.size + self._within_balls(centres[first : first + TOGETHER]) for first in blocks]
+        frame, *ends = np.unravel_index(np.concatenate(near), (len(placed), *self.balls.shape))
         one, other = (self.boxes.take(end) for end in ends)
         first, gap = placed.matrices(frame, one).mT, placed.origins(frame, other) - placed.origins(frame, one)
         turn, offset = first @ placed.matrices(frame, other), _times(first, gap)
@@ -73,6 +76,13 @@ class Boxes:
         ).max(axis=1)
         keep = (apart < self.reach).nonzero()[0]
         return tuple(each.take(keep, axis=0) for each in (frame, np.stack([one, other], axis=1), turn, offset))
+
+    def _within_balls(self, centres: Floats) -> Ints:
+        """Return the places in (N, B, B) of the pairs whose balls are within reach, for centres (N, B, 3) of the boxes."""
+        squares, ones = (centres * centres).sum(axis=2, keepdims=True), np.ones((*centres.shape[:2], 1))
+        left = np.concatenate([squares, ones, centres], axis=2)
+        right = np.concatenate([ones, squares, -2 * centres], axis=2)
+        return np.flatnonzero(left @ right.mT < self.balls)
 
     def _nearest(self, placed: Placed, frame: Ints, pairs: Ints) -> GeomDistances:
         """The nearest points of every pair; boxes that just touch have no normal."""

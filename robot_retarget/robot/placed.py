@@ -67,6 +67,18 @@ class Placed:
         return cls(*(np.empty((count, *size)) for size in sizes))
 
     @classmethod
+    def at(cls, model: mujoco.MjModel, data: mujoco.MjData, qpos: Floats) -> "Placed":
+        """Return configurations (N, nq), with `data` at the last of them."""
+        placed = cls.empty(model, len(qpos))
+        for k, q in enumerate(qpos):
+            data.qpos[:] = q
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_comPos(model, data)
+            for column, view in zip(vars(placed).values(), views(data), strict=True):
+                column[k] = view
+        return placed
+
+    @classmethod
     def of(cls, data: mujoco.MjData) -> "Placed":
         """Return the one configuration of `data`."""
         return cls(*(view[None] for view in views(data)))

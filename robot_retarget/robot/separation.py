@@ -133,13 +133,11 @@ class Separation:
         counted = np.flatnonzero(self.counts[first, second] & (found.dist < 0))
         return -found.dist[counted], found.geom[counted]
 
-    def floor_penetration(self, qpos: Floats) -> float:
-        """Return the depth of links other than feet under the floor [m], 0 if all are above it."""
+    def floor_penetration(self, qpos: Floats) -> Floats:
+        """Return the depths (N,) of links other than feet under the floor at configurations (N, nq) [m], 0 if all are above it."""
         if self.floor is None:
-            return 0.0
-        self.data.qpos[:] = qpos
-        mujoco.mj_kinematics(self.model, self.data)
-        return float(self.floor.depth(Placed.of(self.data))[0])
+            return np.zeros(len(qpos))
+        return self.floor.depth(Placed.at(self.model, self.data, qpos))
 
     def _measured(self, qpos: Floats) -> tuple[Placed, GeomDistances]:
         """Place the robot in configurations (N, nq); return also where links are near each other, boxes after the others."""

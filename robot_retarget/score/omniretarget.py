@@ -16,6 +16,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.robot.floor import Floor
+from robot_retarget.robot.placed import Placed
 from robot_retarget.score.figure import Figure, Value, measures
 from robot_retarget.score.subject import Subject
 
@@ -59,10 +60,6 @@ def skating(subject: Subject) -> tuple[Value, ...]:
 
 def _depths(subject: Subject) -> Floats:
     """(T,) how deep the deepest geom is under the floor [m]."""
-    robot, data = subject.robot, mujoco.MjData(subject.robot.model)
-    floor, depths = Floor(robot, robot.model, data, frozenset(), 0.0), np.zeros(len(subject))
-    for t, qpos in enumerate(subject.trajectory.qpos):
-        data.qpos[:] = qpos
-        mujoco.mj_kinematics(robot.model, data)
-        depths[t] = floor.depth()
-    return depths
+    model = subject.robot.model
+    placed = Placed.at(model, mujoco.MjData(model), subject.trajectory.qpos)
+    return Floor(subject.robot, model, frozenset(), 0.0).depth(placed)

@@ -33,6 +33,12 @@ class LinearizedDistances:
         """(C,) bound minus distance [m]."""
         return self.bound - self.distance
 
+    def largest_deficit(self, count: int) -> Floats:
+        """Return the largest deficit of each of N configurations [m], −∞ without links near each other."""
+        largest = np.full(count, -np.inf)
+        np.maximum.at(largest, self.frame, self.deficit)
+        return largest
+
     def __len__(self) -> int:
         return len(self.distance)
 

@@ -121,11 +121,15 @@ class NumericTrack:
             return None
         return terms(self.track, rows.values, rows.slope, targets, self.columns, np.asarray(rows.edges))
 
+    def states(self, q: Floats, targets: ClipTargets | None = None) -> RowStates:
+        """Return where an inequality is evaluated: at configurations (N, nq)."""
+        own = self.columns
+        sides = None if targets is None else (targets.lower[:, own], targets.upper[:, own], targets.priority[:, own])
+        return RowStates(self.problem.robot, self.problem.match, q, self.reach, sides, self._memory)
+
     def near(self, q: Floats, targets: ClipTargets) -> LinearizedDistances:
         """Return the rows of an inequality at configurations (N, nq)."""
-        sides = targets.lower[:, self.columns], targets.upper[:, self.columns], targets.priority[:, self.columns]
-        states = RowStates(self.problem.robot, self.problem.match, q, self.reach, sides, self._memory)
-        rows = self.track.kind.clip_rows(self.track, states)
+        rows = self.track.kind.clip_rows(self.track, self.states(q, targets))
         edges = self.columns.start + rows.edges
         bound = np.minimum(targets.lower[rows.frame, edges], rows.rest)
         return LinearizedDistances(rows.frame, rows.values, rows.slope, bound, edges)
@@ -206,29 +210,36 @@ class CostModel:
 
     def cost(self, q: Floats, targets: EdgeTargets, past: Past | None = None) -> float:
         """The minimised cost of a frame at a configuration."""
-        return float(self.problem.cost(q, targets)) + sum(self.parts(q, targets, past).values())
+        parts = self.parts(q[None], targets.clip, [past])
+        return float(self.problem.cost(q, targets)) + float(sum(part[0] for part in parts.values()))
 
-    def parts(self, q: Floats, targets: EdgeTargets, past: Past | None = None) -> dict[str, float]:
-        """Return the cost of each numeric kind; that of surfaces is the cost of their slack, at the kind that needs it."""
-        found = {each.track.name: 0.0 for each in (*self.surfaces, *self.numeric)}
-        lacking = {
-            each.track.name: float(self._lacking(each.near(q[None], targets.clip).deficit)) for each in self.surfaces
-        }
-        if lacking:
-            worst = max(lacking, key=lambda name: lacking[name])
-            found[worst] = self.options.overlap_cost * lacking[worst] ** 2
-        contacts = self._contacts(q, targets) if self.numeric and past is not None else None
+    def parts(self, q: Floats, targets: ClipTargets, past: Sequence[Past | None]) -> dict[str, Floats]:
+        """Return the costs (N,) of each numeric kind at configurations (N, nq); of surfaces, that of their slack.
+
+        It is the cost of the kind that needs the slack most.
+
+        Args:
+            past: the frame before each; None without it.
+        """
+        found = {each.track.name: np.zeros(len(q)) for each in (*self.surfaces, *self.numeric)}
+        near = [each.near(q, targets) for each in self.surfaces]
+        lacking = np.array([self._lacking(each.largest_deficit(len(q))[:, None]) for each in near])
+        for k, each in enumerate(self.surfaces):
+            worst = lacking.argmax(axis=0) == k
+            found[each.track.name][worst] = self.options.overlap_cost * lacking[k, worst] ** 2
+        contacts = self._contacts(q, near) if self.numeric and near else [None] * len(q)
         for cost in self.numeric:
-            terms = cost.terms(q, targets, past, contacts)
-            found[cost.track.name] = terms[0] if terms else 0.0
+            for t, before in enumerate(past):
+                terms = cost.terms(q[t], targets.at(t), before, None if before is None else contacts[t])
+                found[cost.track.name][t] = terms[0] if terms else 0.0
         return found
 
-    def _contacts(self, q: Floats, targets: EdgeTargets) -> ContactRows | None:
-        """Return the rows of surfaces near each other at a configuration."""
-        if not self.surfaces:
-            return None
-        near, tolerance = self.near(q, targets), self.options.tolerated * self.leg
-        return ContactRows(near.slope, np.where(near.deficit > tolerance, near.deficit, np.minimum(near.deficit, 0.0)))
+    def _contacts(self, q: Floats, near: Sequence[LinearizedDistances]) -> list[ContactRows]:
+        """Return the rows of surfaces near each other at each of the configurations (N, nq) at which they are measured."""
+        links, tolerance = NearLinks(q, self.most, self.robot.model.nv), self.options.tolerated * self.leg
+        links.put(np.arange(len(q)), q, LinearizedDistances.joined(near).foremost(self.most))
+        deficit = np.where(links.deficit > tolerance, links.deficit, np.minimum(links.deficit, 0.0))
+        return [ContactRows(*rows) for rows in zip(links.slope, deficit, strict=True)]
 
     def _lacking(self, deficit: Floats) -> Floats:
         """Return (…) how much the nearest links lack beyond the tolerance, over the leg, from deficits (…, C) [m]."""
@@ -310,13 +321,15 @@ class CostModel:
         """Return the configuration with closed chains and meshed gears; the same array where no kind changes it."""
         return reduce(lambda found, cost: cost.track.kind.projected(cost.track, cost.state(found)), self.numeric, q)
 
-    def overlap(self, q: Floats) -> float:
-        """Return the depth of the deepest overlap of two links [m]."""
-        return max((each.track.kind.overlap(each.track, each.state(q)) for each in self.surfaces), default=0.0)
+    def overlap(self, q: Floats) -> Floats:
+        """Return the depths (N,) of the deepest overlaps of two links at configurations (N, nq) [m]."""
+        depths = (each.track.kind.overlap(each.track, each.states(q)) for each in self.surfaces)
+        return reduce(np.maximum, depths, np.zeros(len(q)))
 
-    def penetration(self, q: Floats) -> float:
-        """Return the depth of the lowest surface under the floor [m]."""
-        return max((each.track.kind.penetration(each.track, each.state(q)) for each in self.surfaces), default=0.0)
+    def penetration(self, q: Floats) -> Floats:
+        """Return the depths (N,) of the lowest surfaces under the floor at configurations (N, nq) [m]."""
+        depths = (each.track.kind.penetration(each.track, each.states(q)) for each in self.surfaces)
+        return reduce(np.maximum, depths, np.zeros(len(q)))
 
 
 def diagonal(matrices: Floats) -> Floats:

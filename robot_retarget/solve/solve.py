@@ -113,9 +113,8 @@ def solution_of(
 
 def _numeric_stress(solver: FrameSolver, graph: RobotGraph, qpos: Floats) -> dict[str, Floats]:
     """Return per numeric kind (T,) its cost."""
-    past, all_targets = [None, *(Past(before, 1 / graph.fps) for before in qpos[:-1])], targets_of(graph.tracks)
-    parts = [solver.costs.parts(q, all_targets.at(t), past[t]) for t, q in enumerate(qpos)]
-    return {name: np.array([part[name] for part in parts]) for name in parts[0]}
+    past = [None, *(Past(before, 1 / graph.fps) for before in qpos[:-1])]
+    return solver.costs.parts(qpos, targets_of(graph.tracks), past)
 
 
 def _temporal_stress(graph: RobotGraph, qpos: Floats) -> dict[str, Floats]:

@@ -266,12 +266,15 @@ class FrameSolver:
 
     def depth(self, qpos: Floats) -> float:
         """Return the depth of the deepest overlap of two links [m], for the pairs that are kept apart."""
-        return self.costs.overlap(qpos)
+        return float(self.costs.overlap(qpos[None])[0])
 
     def depth_between(self, before: Floats, after: Floats) -> float:
         """Return the deepest overlap of two links between two configurations [m]."""
         way, parts = difference(self.robot, before, after), parts_between(self.robot, before, after) + 1
-        return max(self.depth(integrate(self.robot, before, k / parts * way)) for k in range(1, parts))
+        shares = np.arange(1, parts)[:, None] / parts
+        return float(
+            self.costs.overlap(integrate(self.robot, np.repeat(before[None], parts - 1, 0), shares * way)).max()
+        )
 
     def overlapping(self, qpos: Floats) -> bool:
         """Whether links are inside each other by more than is accepted."""
@@ -299,8 +302,7 @@ class FrameSolver:
 
     def depths_under_floor(self, qpos: Floats, targets: ClipTargets) -> Floats:
         """Return the depths (T,) of the robot under the floor at configurations (T, nq) [m]."""
-        lying = np.array([self.costs.penetration(q) for q in qpos])
-        return np.maximum(self.problem.inequalities.depth(qpos, targets), lying)
+        return np.maximum(self.problem.inequalities.depth(qpos, targets), self.costs.penetration(qpos))
 
     def raised(self, pose: FrameSolution, depth: float) -> FrameSolution:
         """Return the pose with its root raised by a depth [m]."""

@@ -73,7 +73,7 @@ def test_what_is_near_the_floor_is_as_near_as_mujoco_says(seed: int) -> None:
     assert len(expected) > 2
     assert set(here) == set(expected)
     assert here == pytest.approx(expected, abs=2e-5)
-    assert separation.floor_penetration(qpos) == pytest.approx(max(0.0, -min(expected.values())), abs=2e-5)
+    assert separation.floor_penetration(qpos[None])[0] == pytest.approx(max(0.0, -min(expected.values())), abs=2e-5)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -98,9 +98,9 @@ def test_feet_and_robots_without_a_floor_are_left_alone() -> None:
     robot = load_robot("op3")
     every = frozenset(Links(robot).ids)
     qpos = fallen(robot, 0)
-    assert Separation(robot, REACH, feet=frozenset()).floor_penetration(qpos) > 0
-    assert Separation(robot, REACH, feet=every).floor_penetration(qpos) == 0
-    assert Separation(robot, REACH).floor_penetration(qpos) == 0
+    assert Separation(robot, REACH, feet=frozenset()).floor_penetration(qpos[None]) > 0
+    assert Separation(robot, REACH, feet=every).floor_penetration(qpos[None]) == 0
+    assert Separation(robot, REACH).floor_penetration(qpos[None]) == 0
 
 
 def lying(motion: Motion) -> Motion:
@@ -140,7 +140,7 @@ def test_what_is_only_seen_stays_over_the_floor(tmp_path: Path) -> None:
     robots = only_seen(tmp_path), load_robot("op3")
     for seed in range(5):
         q = fallen(robots[1], seed)
-        seen, solid = (Separation(robot, REACH, feet=frozenset()).floor_penetration(q) for robot in robots)
+        seen, solid = (Separation(robot, REACH, feet=frozenset()).floor_penetration(q[None]) for robot in robots)
         assert solid > 0.01 and seen >= solid - 1e-6
 
 

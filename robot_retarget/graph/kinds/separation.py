@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.arrays import Ints
-from robot_retarget.graph.kind import ClipRows, Form, Kind, RetargetContext, Role, RowState, RowStates, Track
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.graph.kind import ClipRows, Form, Kind, RetargetContext, Role, RowStates, Track
 from robot_retarget.graph.track import limit
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot
@@ -47,15 +47,17 @@ class SeparationKind(Kind):
         kept = np.flatnonzero(edges >= 0)
         return ClipRows(found.frame[kept], found.distance[kept], slope[kept], edges[kept], rest[kept])
 
-    def overlap(self, track: Track, state: RowState) -> float:
-        """Return the depth of the deepest overlap of two links [m]."""
-        watched = _watched(track, state)
-        depth, geoms = watched.surfaces.overlaps(state.qpos)
-        return float(depth[watched.edges[geoms[:, 0], geoms[:, 1]] >= 0].max(initial=0.0))
+    def overlap(self, track: Track, states: RowStates) -> Floats:
+        """Return the depths of the deepest overlaps of two links [m]."""
+        watched, found = _watched(track, states), np.zeros(len(states.qpos))
+        for k, (depth, geoms) in enumerate(map(watched.surfaces.overlaps, states.qpos)):
+            if len(depth):
+                found[k] = depth[watched.edges[tuple(geoms.T)] >= 0].max(initial=0.0)
+        return found
 
-    def penetration(self, track: Track, state: RowState) -> float:
-        """Return the depth of the lowest link other than feet under the floor [m]."""
-        return _watched(track, state).surfaces.floor_penetration(state.qpos)
+    def penetration(self, track: Track, states: RowStates) -> Floats:
+        """Return the depths of the lowest links other than feet under the floor [m]."""
+        return _watched(track, states).surfaces.floor_penetration(states.qpos)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +69,7 @@ class _Watched:
     """(G + 1, G + 1) the edge of every two geoms, −1 without one; the floor comes last."""
 
 
-def _watched(track: Track, state: RowState | RowStates) -> _Watched:
+def _watched(track: Track, state: RowStates) -> _Watched:
     if "watched" not in state.memory:
         robot, places = state.robot, {frozenset(ends): edge for edge, ends in enumerate(track.ends)}
         surfaces = Surfaces(robot, max(state.reach, 2 * float(track.lower.max())), _feet(robot, state.match))
