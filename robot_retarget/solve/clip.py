@@ -103,15 +103,16 @@ def clip_poses(
 def _window_poses(
     solver: FrameSolver, graph: RobotGraph, coarse: Floats, smoothing: Smoothing, fixed: int, count: Count
 ) -> tuple[list[Track], list[FrameSolution]]:
-    """Return the tracks and the poses of a window; hard edges that half of the passes miss are left out."""
+    """Return the tracks and the poses of a window; hard edges that all passes but one miss are left out."""
     tracks = renewed_tracks(solver, graph, coarse, fixed)
     passes = _Passes(clip_of(solver, tracks, smoothing, graph.fps, fixed), coarse)
-    passes.take(smoothing.passes // 2, count)
+    passes.take(smoothing.passes - 1, count)
     unreached = solver.problem.missed(passes.qpos, passes.clip.all_targets) > UNREACHED
     if unreached.any():
         again = renewed_tracks(solver, graph, coarse, fixed, unreached)
         if any((one.priority != other.priority).any() for one, other in zip(tracks, again, strict=True)):
-            tracks, passes = again, _Passes(clip_of(solver, again, smoothing, graph.fps, fixed), passes.qpos)
+            tracks = again
+            passes.renew(clip_of(solver, again, smoothing, graph.fps, fixed))
     return tracks, _finished(passes, count)
 
 
@@ -185,7 +186,8 @@ def clip_passes(clip: ClipProblem, start: Floats, count: Count) -> list[FrameSol
 
     The alternating direction method of multipliers solves  Σ f_t(q_t) + Σ κ ‖s_{t−1} − 2 s_t + s_{t+1} − b_t‖²  subject to
     q_t = s_t: every pass moves each frame by one step against ρ‖q_t ⊖ s_t + y_t‖², then the path s, then the
-    multipliers y; both see q_t over-relaxed, s_t ⊕ α (q_t ⊖ s_t) [Boyd2011, 3.4.3]. Even frames step together, then odd
+    multipliers y; both see q_t over-relaxed, s_t ⊕ α (q_t ⊖ s_t) [Boyd2011, 3.4.3]. The path moves the sooner the weaker
+    ρ is, and the last pass draws the frames to it with a ρ `Smoothing.closing` times as large. Even frames step together, then odd
     ones, so that the neighbours of a stepping frame do not move. After the first passes, only frames whose cost
     still falls step (`Smoothing.extra`). The function returns the frames, not the path, because the frames satisfy all
     limits. Joint speeds hold between the frames: the start is slowed down to them, and no step exceeds them relative to a
@@ -212,13 +214,18 @@ class _Passes:
     """The state of the passes over a clip."""
 
     def __init__(self, clip: ClipProblem, start: Floats):
-        self.clip, robot = clip, clip.solver.robot
-        self.qpos = start.copy()
+        robot, self.qpos = clip.solver.robot, start.copy()
         hinges = robot.qpos_index
         self.qpos[:, hinges] = within_speeds(start[:, hinges], clip.bounds.speed[1:] / clip.fps, clip.fixed)
         self.path, self.dual = self.qpos.copy(), np.zeros((len(start), robot.model.nv))
         self.rho = clip.smoothing.proximal * clip.smooth.inertia
         self.halves = [np.arange(clip.fixed + k, len(start), 2) for k in (0, 1)]
+        self.interpenetrating: set[int] = set()
+        self.renew(clip)
+
+    def renew(self, clip: ClipProblem) -> None:
+        """Begin the passes with other targets, from the present frames, path and multipliers."""
+        self.clip, self.taken = clip, 0
         boxes = [clip.box(self.qpos, half) for half in self.halves]
         self.descents = [
             clip.solver.begin(self.qpos[half], clip.all_targets.frames(half), box)
@@ -227,8 +234,6 @@ class _Passes:
         for descent in self.descents:
             descent.tolerance = clip.smoothing.tolerance
         self.moving = [np.ones(len(half), dtype=bool) for half in self.halves]
-        self.interpenetrating: set[int] = set()
-        self.taken = 0
 
     def take(self, most: int, count: Count) -> None:
         """Take passes until this number is taken, or until no frame moves."""
@@ -245,6 +250,8 @@ class _Passes:
         clip, smoothing = self.clip, self.clip.smoothing
         if number == smoothing.collision_check:
             self.interpenetrating = _interpenetrating(clip, self.qpos)
+        if number + 1 == smoothing.passes:
+            self.rho, self.dual = smoothing.closing * self.rho, self.dual / smoothing.closing
         self._smooth()
         for half, descent, moving in zip(self.halves, self.descents, self.moving, strict=True):
             active = np.flatnonzero(moving) if number >= smoothing.passes else np.arange(len(half))

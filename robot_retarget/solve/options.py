@@ -83,6 +83,8 @@ class RealTime:
     """Largest speed of the root [m/s] ..."""
     root_turn: float = 25.0
     """... and its largest angular speed [rad/s]."""
+    drawn: float = 40.0
+    """Weight that draws a delayed pose to the smooth path through the frames after it [1/rad²]."""
     gap: float = 0.1
     """After a longer time without a frame [s] ..."""
     ease: float = 0.5
@@ -105,15 +107,18 @@ class RealTime:
 class Smoothing:
     """Options of a whole clip: the alternating direction method of multipliers between frames and a smooth path."""
 
-    passes: int = 8
+    passes: int = 5
     """Number of steps of every frame; 0 solves frame by frame."""
-    proximal: float = 40.0
-    """ρ, the weight that draws a frame to the smooth path [1/rad²]."""
+    proximal: float = 20.0
+    """ρ, the weight that draws a frame to the smooth path [1/rad²]: half of it takes half the passes, but a far start
+    then overshoots."""
+    closing: float = 10.0
+    """Factor of ρ from the last pass on [-]: frames end near the smooth path."""
     relaxation: float = 1.6
     """α, over-relaxation of the frames towards the multipliers [-]; 1.5 … 1.8 saves a third of the passes."""
     tolerance: float = 1e-5
     """A pass leaves a frame unchanged if its best step lowers the cost by a smaller share [-]."""
-    collision_check: int = 4
+    collision_check: int = 2
     """Number of the pass before which links that pass through each other between frames are detected."""
     extra: int = 16
     """Maximum number of further passes over the frames that have not converged."""

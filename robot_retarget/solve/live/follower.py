@@ -24,7 +24,7 @@ from robot_retarget.solve.compiled import Compiled
 from robot_retarget.solve.descent import FrameSolution
 from robot_retarget.solve.live.lag import FixedLag, SolvedFrame
 from robot_retarget.solve.live.realtime import RealTimeSolver
-from robot_retarget.solve.options import RealTime, Smoothing
+from robot_retarget.solve.options import RealTime
 from robot_retarget.solve.problem import EdgeTargets, Problem, build_problem
 from robot_retarget.solve.sqp import FrameSolver
 
@@ -81,7 +81,7 @@ class Follower:
         self.problem: Problem = build_problem(graph.robot, match, graph.tracks, native=native, lag=lag)
         frames = FrameSolver(self.problem)
         self.solver: RealTimeSolver = RealTimeSolver(frames, options)
-        self.lag: FixedLag | None = FixedLag(frames, lag, Smoothing()) if lag else None
+        self.lag: FixedLag | None = FixedLag(frames, lag, options) if lag else None
         self.corners: Compiled = _corners(
             graph.robot, [sole_corners(match.anatomy, foot) for foot in placed_feet(match, graph.robot)]
         )

@@ -11,7 +11,7 @@ from robot_retarget.graph.role import SECOND_DIFFERENCE
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solve.descent import FrameSolution
-from robot_retarget.solve.options import Smoothing
+from robot_retarget.solve.options import RealTime
 from robot_retarget.solve.problem import EdgeTargets
 from robot_retarget.solve.quadratic import Proximal
 from robot_retarget.solve.smooth import smooth_offsets
@@ -41,9 +41,9 @@ class FixedLag:
     robot: Robot
     proximal: float
 
-    def __init__(self, solver: FrameSolver, lag: int, smoothing: Smoothing):
+    def __init__(self, solver: FrameSolver, lag: int, options: RealTime):
         """Set the lag in frames; the solver's tracks define the second differences to be smoothed."""
-        self.solver, self.lag, self.robot, self.proximal = solver, lag, solver.robot, smoothing.proximal
+        self.solver, self.lag, self.robot, self.proximal = solver, lag, solver.robot, options.drawn
         self.waiting: deque[SolvedFrame] = deque()
         self.given: deque[Floats] = deque(maxlen=GIVEN)
 
