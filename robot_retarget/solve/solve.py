@@ -2,7 +2,6 @@
 
 import time
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -123,7 +122,7 @@ def _temporal_stress(graph: RobotGraph, qpos: Floats) -> dict[str, Floats]:
     tracks = [track for track in graph.tracks if (track.role, track.kind.form, track.stencil) == wanted]
     bend = np.zeros((len(qpos), graph.robot.model.nv))
     if len(qpos) > 2:
-        bend[1:-1] = np.diff([difference(graph.robot, a, b) for a, b in pairwise(qpos)], axis=0)
+        bend[1:-1] = np.diff(difference(graph.robot, qpos[:-1], qpos[1:]), axis=0)
     names = tangent_names(graph.robot)
     columns = {track.name: [names.index(end) for end, _ in track.ends] for track in tracks}
     return {track.name: track.stress(bend[:, columns[track.name]]).sum(axis=1) for track in tracks}

@@ -1,6 +1,6 @@
 """Hard edges that a solution does not meet, and the limits that keep it from meeting them."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -35,9 +35,10 @@ def unmet_edges(
         qpos: (T, nq) the solution.
     """
     problem, found = solver.problem, []
-    below = np.array([problem.inequalities.values(q) for q in qpos])
+    below = problem.inequalities.values(qpos)
     values = {**measured, **{name: below[:, own] for name, own in problem.inequalities.columns.items()}}
-    bounds = problem.limits.bounds(targets_of(graph.tracks))
+    all_targets = targets_of(graph.tracks)
+    bounds = problem.limits.bounds(all_targets)
     for track in (graph.kinds[name] for name in values):
         value, hard = values[track.name], track.present & (track.priority >= HARD)
         miss = np.where(hard, np.abs(value - np.clip(value, track.lower, track.upper)), 0.0)
@@ -47,7 +48,8 @@ def unmet_edges(
             reached = float(value[worst, edge])
             error = reached - float(np.clip(reached, *interval))
             slope = _slope(solver, qpos, worst, track, int(edge))
-            reasons = tuple(_reasons(solver, graph, bounds, qpos, worst, -np.sign(error) * slope))
+            away = -np.sign(error) * slope
+            reasons = tuple(_reasons(solver, graph.fps, bounds, all_targets.at(worst), qpos, worst, away))
             name, missed = track.edge_name(int(edge)), tuple(frames.tolist())
             unmet = UnmetEdge(track.name, name, missed, worst, reached, *interval, reasons, track.kind.by_user)
             found.append((float(miss[worst, edge]), unmet))
@@ -55,14 +57,14 @@ def unmet_edges(
 
 
 def _reasons(
-    solver: FrameSolver, graph: RobotGraph, bounds: JointBounds, qpos: Floats, t: int, away: Floats
+    solver: FrameSolver, fps: float, bounds: JointBounds, targets: EdgeTargets, qpos: Floats, t: int, away: Floats
 ) -> Iterator[str]:
     """The limits that are active at a frame and oppose a motion of the hinges (n,) towards an interval."""
     robot = solver.robot
     if np.abs(away).max(initial=0.0) < STATIONARY:
         yield "no joint brings it closer: the distance is at its extremum"
         return
-    angles, reach = qpos[:, robot.qpos_index], bounds.speed / graph.fps
+    angles, reach = qpos[:, robot.qpos_index], bounds.speed / fps
     for k in np.argsort(-np.abs(away)):
         if np.abs(away[k]) < MATTERS * np.abs(away).max():
             break
@@ -71,28 +73,26 @@ def _reasons(
             yield f"{robot.joint_names[k]} is at its joint range ({np.degrees(bound):.0f}°)"
         elif _at_speed(angles, reach, t, int(k), float(np.sign(away[k]))):
             yield f"{robot.joint_names[k]} is at its speed limit ({bounds.speed[t, k]:.1f} rad/s)"
-    yield from _links(solver, targets_of(graph.tracks).at(t), qpos[t], away)
+    yield from _links(solver, targets, qpos[t], away)
 
 
 def _slope(solver: FrameSolver, qpos: Floats, t: int, track: Track, edge: int) -> Floats:
     """(n,) how an edge's measure at a frame changes with the hinges, by central differences."""
-    robot, found, measure = solver.robot, np.zeros(len(solver.hinges)), _measure(solver.problem, track.name, qpos, t)
-    for k, dof in enumerate(solver.hinges):
-        step = np.zeros(robot.model.nv)
-        step[dof] = PROBE
-        ahead, behind = (measure(integrate(robot, qpos[t], sign * step))[edge] for sign in (1, -1))
-        found[k] = (ahead - behind) / (2 * PROBE)
-    return found
+    step = np.zeros((len(solver.hinges), solver.robot.model.nv))
+    step[np.arange(len(step)), solver.hinges] = PROBE
+    probes = integrate(solver.robot, np.tile(qpos[t], (2 * len(step), 1)), np.concatenate([step, -step]))
+    ahead, behind = np.split(_measured(solver.problem, track.name, qpos, t, probes)[:, edge], 2)
+    return (ahead - behind) / (2 * PROBE)
 
 
-def _measure(problem: Problem, kind: str, qpos: Floats, t: int) -> Callable[[Floats], Floats]:
-    """Return a frame's configuration ↦ measures (E,) of a kind, with the other frames constant."""
+def _measured(problem: Problem, kind: str, qpos: Floats, t: int, probes: Floats) -> Floats:
+    """Return the measures (N, E) of a kind with a frame at some configurations (N, nq) and the others unchanged."""
     if kind in problem.inequalities.columns:
-        return lambda q: problem.inequalities.values(q)[problem.inequalities.columns[kind]]
+        return problem.inequalities.values(probes)[:, problem.inequalities.columns[kind]]
     joined = [cost for cost in problem.stencils if cost.track.name == kind]
     if joined:
-        return lambda q: joined[0].value(np.concatenate([qpos[:t], q[None], qpos[t + 1 :]]), t)
-    return lambda q: problem.values(q)[problem.columns[kind]]
+        return np.array([joined[0].value(np.concatenate([qpos[:t], q[None], qpos[t + 1 :]]), t) for q in probes])
+    return problem.values(probes)[:, problem.columns[kind]]
 
 
 def _at_speed(angles: Floats, reach: Floats, t: int, joint: int, sign: float) -> bool:
