@@ -207,7 +207,7 @@ class Warner:
 
     def _evaluated(self) -> Warnings:
         """Return the warnings of the present frame; other frame rates evaluate the same frames."""
-        parts = parts_between(self.robot, self._past[0][0], self._past[-1][0])
+        parts = int(parts_between(self.robot, self._past[0][0], self._past[-1][0]))
         along = self._distances(np.arange(1 - parts, self.steps * parts + 1) / parts)
         swept, along = along[:parts].min(axis=0), along[parts - 1 :]
         now, ahead, alpha = along[0], along.min(axis=0), 1 + along.argmin(axis=0) / parts

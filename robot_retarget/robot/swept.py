@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, Ints
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
 
@@ -25,10 +25,10 @@ class SweptConfiguration:
         return integrate(robot, self.neighbour, self.share * difference(robot, self.neighbour, q))
 
 
-def parts_between(robot: Robot, first: Floats, second: Floats) -> int:
-    """Return the number of equal parts of the way between two configurations (nq,), each below `TURN` in every hinge."""
-    hinges = robot.qpos_index
-    return int(np.abs(second[hinges] - first[hinges]).max(initial=0.0) / TURN) + 1
+def parts_between(robot: Robot, first: Floats, second: Floats) -> Ints:
+    """Return (…) the number of equal parts of the way between configurations (…, nq), each below `TURN` in every hinge."""
+    turn = np.abs(second - first)[..., robot.qpos_index].max(axis=-1, initial=0.0)
+    return (turn / TURN).astype(np.int64) + 1
 
 
 def swept_configurations(robot: Robot, neighbour: Floats, q: Floats) -> tuple[SweptConfiguration, ...]:
@@ -38,5 +38,5 @@ def swept_configurations(robot: Robot, neighbour: Floats, q: Floats) -> tuple[Sw
         neighbour: (nq,) configuration of the neighbour in time.
         q: (nq,) configuration of the frame.
     """
-    checks = parts_between(robot, neighbour, q)
+    checks = int(parts_between(robot, neighbour, q))
     return tuple(SweptConfiguration(neighbour, k / (checks + 1)) for k in range(1, checks + 1))

@@ -312,11 +312,12 @@ def _between(
     return tuple(way for q in neighbours for way in swept_configurations(clip.solver.robot, q, qpos[t]))
 
 
-def _interpenetrating(clip: ClipProblem, qpos: Floats) -> set[int]:
-    """Return the frames t with links inside each other between t and t + 1."""
+def _interpenetrating(clip: ClipProblem, qpos: Floats, moved: Ints | None = None) -> set[int]:
+    """Return the frames t with links inside each other between t and t + 1; only those at frames that moved, if given."""
     first, last, solver = max(clip.fixed - 1, 0), len(qpos) - 1, clip.solver
-    depth = {t: solver.depth_between(qpos[t], qpos[t + 1]) for t in range(first, last)}
-    return {t for t, deep in depth.items() if deep > solver.options.overlap}
+    asked = np.arange(first, last) if moved is None else np.unique(np.clip([moved - 1, moved], first, last - 1))
+    deep = solver.depths_between(qpos[asked], qpos[asked + 1]) > solver.options.overlap
+    return set(asked[deep].tolist())
 
 
 def _hard_edges_met(clip: ClipProblem, poses: list[FrameSolution], proximal: Proximal) -> list[FrameSolution]:
@@ -366,12 +367,14 @@ def _separated(clip: ClipProblem, poses: list[FrameSolution], proximal: Proximal
     the frame before.
     """
     solver = clip.solver
+    frames = None
     for _ in range(ROUNDS):
-        between = _interpenetrating(clip, _qpos(poses))
-        frames = sorted({t for k in between for t in (k, k + 1) if t >= clip.fixed})
-        if not frames:
+        between = _interpenetrating(clip, _qpos(poses), frames)
+        frames = np.array(sorted({t for k in between for t in (k, k + 1) if t >= clip.fixed}), dtype=int)
+        if not frames.size:
             break
-        poses = _solved_again(clip, poses, np.array(frames), proximal, between)
-    for t in range(max(clip.fixed, 1), len(poses)):
+        poses = _solved_again(clip, poses, frames, proximal, between)
+    overlapping = np.flatnonzero(solver.costs.overlap(_qpos(poses)) > solver.options.overlap)
+    for t in overlapping[overlapping >= max(clip.fixed, 1)].tolist():
         poses[t] = solver.backtrack_to_clearance(poses[t - 1].qpos, poses[t])
     return poses

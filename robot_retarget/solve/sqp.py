@@ -268,13 +268,13 @@ class FrameSolver:
         """Return the depth of the deepest overlap of two links [m], for the pairs that are kept apart."""
         return float(self.costs.overlap(qpos[None])[0])
 
-    def depth_between(self, before: Floats, after: Floats) -> float:
-        """Return the deepest overlap of two links between two configurations [m]."""
-        way, parts = difference(self.robot, before, after), parts_between(self.robot, before, after) + 1
-        shares = np.arange(1, parts)[:, None] / parts
-        return float(
-            self.costs.overlap(integrate(self.robot, np.repeat(before[None], parts - 1, 0), shares * way)).max()
-        )
+    def depths_between(self, before: Floats, after: Floats) -> Floats:
+        """Return the deepest overlaps (N,) of two links between configurations (N, nq) and others [m]."""
+        way, checks = difference(self.robot, before, after), parts_between(self.robot, before, after)
+        first, pair = checks.cumsum() - checks, np.repeat(np.arange(len(checks)), checks)
+        share = (1 + np.arange(len(pair)) - first[pair]) / (1 + checks[pair])
+        depth = self.costs.overlap(integrate(self.robot, before[pair], share[:, None] * way[pair]))
+        return np.maximum.reduceat(depth, first) if len(first) else depth
 
     def overlapping(self, qpos: Floats) -> bool:
         """Whether links are inside each other by more than is accepted."""

@@ -7,7 +7,6 @@ frames and between them, and depths under the floor, are the largest, with the f
 import argparse
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 from unittest.mock import patch
@@ -65,8 +64,8 @@ def _moved_back(solver: FrameSolver, poses: list[Any]) -> list[Any]:
 def outcome(solver: FrameSolver, graph: RobotGraph, qpos: Floats) -> Outcome:
     """Measure configurations (T, nq)."""
     targets = targets_of(graph.tracks).frames(np.arange(len(qpos)))
-    links = np.array([solver.depth(q) for q in qpos])
-    between = np.array([solver.depth_between(a, b) for a, b in pairwise(qpos)])
+    links = solver.costs.overlap(qpos)
+    between = solver.depths_between(qpos[:-1], qpos[1:])
     third = np.diff(qpos[:, solver.robot.qpos_index], 3, axis=0) * graph.fps**3
     cost = float(solver.problem.cost(qpos, targets).sum())
     return Outcome(cost, float(np.sqrt((third**2).mean())), (links, between, solver.depths_under_floor(qpos, targets)))

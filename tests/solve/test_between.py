@@ -79,16 +79,16 @@ def test_a_frame_wished_beyond_links_stays_on_the_side_it_comes_from(asked: Aske
     solver, targets = asked
     robot, overlap = solver.robot, solver.options.overlap
     front, back = arms(robot, -0.8, 1.57, -1.2), arms(robot, 0.9, 1.57, -1.2)
-    assert solver.depth_between(front, back) > 10 * overlap
+    assert solver.depths_between(front[None], back[None])[0] > 10 * overlap
     assert not solver.overlapping(front) and not solver.overlapping(back)
     drawn = Proximal(back, np.zeros(robot.model.nv), np.full(robot.model.nv, 1e3))
     through = solver.solve_frame(back, targets, proximal=drawn).qpos
-    assert solver.depth_between(front, through) > 10 * overlap
+    assert solver.depths_between(front[None], through[None])[0] > 10 * overlap
     found = front
     for _ in range(20):
         ways = swept_configurations(robot, front, found)
         found = solver.solve_frame(found, targets, proximal=drawn, iterations=1, between=ways).qpos
-    assert solver.depth_between(front, found) <= 0.002
+    assert solver.depths_between(front[None], found[None])[0] <= 0.002
     assert np.abs(found - front).max() > 0.2
 
 
