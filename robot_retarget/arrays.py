@@ -15,7 +15,7 @@ ALIGNED = 0.5**0.5
 """Unit vectors whose product is larger are nearer to parallel than to perpendicular [-]."""
 
 
-_LEVI_CIVITA = np.cross(np.eye(3)[:, None], np.eye(3)[None]).transpose(2, 0, 1)
+_YZX = np.array([1, 2, 0])
 
 
 def path_to_root(parents: Ints, node: int) -> list[int]:
@@ -35,17 +35,17 @@ def frozen(values: Any, dtype: Any = np.float64) -> NDArray[Any]:
 
 def unit(vectors: Floats) -> Floats:
     """x/‖x‖ along the last axis (…, n); vectors shorter than 1e-9 stay shorter than 1."""
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9)
+    return vectors / np.maximum(lengths(vectors), 1e-9)[..., None]
 
 
 def cross(a: Floats, b: Floats) -> Floats:
     """a × b of vectors (…, 3): for a few, in a fifth of the time that `numpy.cross` takes."""
-    return np.einsum("ijk,...j,...k->...i", _LEVI_CIVITA, a, b)
+    return (a * b.take(_YZX, axis=-1) - a.take(_YZX, axis=-1) * b).take(_YZX, axis=-1)
 
 
 def lengths(vectors: Floats) -> Floats:
     """‖x‖ along the last axis (…, n)."""
-    return np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
+    return np.sqrt(np.vecdot(vectors, vectors))
 
 
 def bearing(ahead: Floats) -> Floats:

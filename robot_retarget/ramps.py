@@ -1,6 +1,10 @@
 """Smooth ramps from 0 to 1 in unit time."""
 
+from typing import TypeVar
+
 from robot_retarget.arrays import Floats
+
+Values = TypeVar("Values", float, Floats)
 
 JERK_PEAK = 1.875
 """Largest slope of `minimum_jerk` [-]."""
@@ -13,6 +17,6 @@ def minimum_jerk(u: Floats) -> Floats:
     return 10 * u**3 - 15 * u**4 + 6 * u**5
 
 
-def smoothstep(u: Floats) -> Floats:
+def smoothstep(u: Values) -> Values:
     """Return 3 u² − 2 u³: zero slope at both ends."""
     return u**2 * (3 - 2 * u)

@@ -61,7 +61,7 @@ def in_place(human: HumanFeatures, match: Match) -> tuple[HumanFeatures, Floats]
     standing = replace(
         human,
         positions=np.einsum("tij,tkj->tki", back, centred),
-        segments={name: back @ turns for name, turns in human.segments.items()},
+        axes=back[:, None] @ human.axes,
         contacts={foot: np.ones_like(stands) for foot, stands in human.contacts.items()},
     )
     return standing, slow

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.arrays import Bools, Floats, bearing, intervals, leftward, unit
+from robot_retarget.arrays import Bools, Floats, Ints, bearing, intervals, leftward, unit
 from robot_retarget.graph.path import RootScaling, root_scaling_of
 from robot_retarget.graph.placed_scene import PlacedScene, placed_scene
 from robot_retarget.graph.soles import HEEL, TOE, flattened, lengths, raised, turned
@@ -46,12 +46,14 @@ def footholds_of(human: HumanFeatures, match: Match, robot: Robot, backlash: flo
     feet = placed_feet(match, robot)
     held = np.zeros((len(human), len(feet), CORNERS), dtype=bool)
     places, rises = np.zeros((*held.shape, 3)), np.zeros(held.shape)
-    scene = placed_scene(human, match)
+    if not feet:
+        return Footholds(feet, held, places, rises)
+    soles, scene = soles_of(human, match, robot), placed_scene(human, match)
+    ways = soles.places(human)
     for k, foot in enumerate(feet):
         if foot in human.contacts:
             held[:, k, TOE], held[:, k, HEEL] = human.contacts[foot][:, :1], human.contacts[foot][:, 1:]
-        sole = sole_of(human, match, robot, foot)
-        corners, rises[:, k] = sole.places(human), sole.rises(human, held[:, k])
+        corners = ways[:, k]
         heading = settled_heading(held[:, k], lengths(corners), backlash)
         if scene is None:
             places[:, k] = foothold_corners(held[:, k], corners, heading=heading)
@@ -108,62 +110,70 @@ def surface_under(human: HumanFeatures, scene: PlacedScene, foot: str) -> Surfac
 
 
 @dataclass(frozen=True, eq=False)
-class Sole:
-    """Map the sole of one foot: scale its ankle by the leg, and move it outward by half the hip widths' difference."""
+class Soles:
+    """Map the soles of F feet: scale each ankle by the leg, and move it outward by half the hip widths' difference."""
 
-    foot: str
+    feet: tuple[str, ...]
     root_scaling: RootScaling
-    hips: tuple[int, int]
-    ankle: int
-    wider: float
-    """[m]"""
+    hips: Ints
+    """(2,) left and right among the keypoints."""
+    ankles: Ints
+    """(F,)"""
+    leftward: Floats
+    """(F, 1) by which the ankles move to the left of the body [m]."""
     corners: Floats
-    """(4, 3) corners relative to the ankle: ahead, to its left and up [m]."""
-    tips: tuple[Floats, Floats]
-    """(P, 3) points of the foot from the front corners on, and from the rear corners back: toes and heel are round [m]."""
+    """(F, 4, 3) corners relative to the ankles: ahead, to their left and up [m]."""
+    tips: tuple[tuple[Floats, Floats], ...]
+    """Per foot, points (P, 3) from the front corners on, and from the rear corners back: toes and heel are round [m]."""
 
     def places(self, human: HumanFeatures) -> Floats:
-        """Return (T, 4, 3) corners with the rotation of the human's foot [m]."""
-        left, right, ankle = (human.positions[:, k] for k in (*self.hips, self.ankle))
-        outward = leftward(human.heading) * (1 if self.foot == "l" else -1)
-        places = self.root_scaling.path(human) + self.root_scaling.ratio * (ankle - (left + right) / 2)
-        places[:, :2] += self.wider * outward
-        return places[:, None] + self.corners @ self._turn(human).swapaxes(1, 2)
+        """Return (T, F, 4, 3) corners with the rotations of the human's feet [m]."""
+        x = human.positions
+        middle = x.take(self.hips, axis=1).sum(axis=1, keepdims=True) / 2
+        places = self.root_scaling.path(human)[:, None] + self.root_scaling.ratio * (
+            x.take(self.ankles, axis=1) - middle
+        )
+        places[..., :2] += self.leftward * leftward(human.heading)[:, None]
+        return places[:, :, None] + self.corners @ self._turns(human).swapaxes(2, 3)
 
     def rises(self, human: HumanFeatures, held: np.ndarray) -> Floats:
-        """Return (T, 4) how high standing corners are while the pitched foot touches the ground with its tip [m].
+        """Return (T, F, 4) how high standing corners are while the pitched foot touches the ground with its tip [m].
 
         A round foot that stands on its toes or its heel alone touches the ground beyond their corners.
 
         Args:
-            held: (T, 4) which corners stand.
+            held: (T, F, 4) which corners stand.
         """
-        up = self._turn(human)[:, 2] * [1.0, 0.0, 1.0]
-        up /= np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-9)
-        found = np.zeros(held.shape)
-        for edge, other, tip in zip((TOE, HEEL), (HEEL, TOE), self.tips, strict=True):
-            alone = held[:, edge] & ~held[:, other]
-            found[:, edge] = alone * (up @ self.corners[edge].T - (up @ tip.T).min(axis=1, keepdims=True))
+        up, found = unit(self._turns(human)[:, :, 2] * [1.0, 0.0, 1.0]), np.zeros(held.shape)
+        for k, tips in enumerate(self.tips):
+            for edge, other, tip in zip((TOE, HEEL), (HEEL, TOE), tips, strict=True):
+                alone = held[:, k, edge] & ~held[:, k, other]
+                lowest = (up[:, k] @ tip.T).min(axis=1, keepdims=True)
+                found[:, k, edge] = alone * (up[:, k] @ self.corners[k, edge].T - lowest)
         return found
 
-    def _turn(self, human: HumanFeatures) -> Floats:
-        """Return (T, 3, 3) the axes of the human's foot."""
-        return human.segments.get(f"{self.foot}_foot", human.facing)
+    def _turns(self, human: HumanFeatures) -> Floats:
+        """Return (T, F, 3, 3) the axes of the human's feet."""
+        return np.stack([human.segments.get(f"{foot}_foot", human.facing) for foot in self.feet], axis=1)
 
 
-def sole_of(human: HumanFeatures, match: Match, robot: Robot, foot: str) -> Sole:
-    """Return the map of a foot's sole, from a whole motion.
+def soles_of(human: HumanFeatures, match: Match, robot: Robot) -> Soles:
+    """Return the map of the soles of one or more placed feet, from a whole motion."""
+    feet = placed_feet(match, robot)
+    hips = np.array([match.index(f"{side}_hip") for side in "lr"])
+    ankles = np.array([match.index(f"{foot}_ankle") for foot in feet])
+    wide, points = zip(*(_hip_and_sole(robot, match, foot) for foot in feet), strict=True)
+    left, right = human.positions[:, hips].swapaxes(0, 1)
+    apart = match.leg_ratio * float(np.median(np.linalg.norm(left - right, axis=1))) / 2
+    outward = [[(hip - apart) * (1 if foot == "l" else -1)] for hip, foot in zip(wide, feet, strict=True)]
+    corners, tips = np.array([own[:CORNERS] for own in points]), tuple(_tips(own) for own in points)
+    return Soles(feet, root_scaling_of(human, match), hips, ankles, np.array(outward), corners, tips)
 
-    Args:
-        foot: `l` or `r`.
-    """
-    left, right = (match.index(f"{side}_hip") for side in "lr")
-    hip, points = _hip_and_sole(robot, match, foot)
+
+def _tips(points: Floats) -> tuple[Floats, Floats]:
+    """Return the points of a sole (P, 3), whose first are its corners, from the front corners on, and from the rear ones back."""
     corners, ahead = points[:CORNERS], points[:, 0]
-    tips = points[ahead >= corners[TOE, 0].min()], points[ahead <= corners[HEEL, 0].max()]
-    apart = np.linalg.norm(human.positions[:, left] - human.positions[:, right], axis=1)
-    wider = hip - match.leg_ratio * float(np.median(apart)) / 2
-    return Sole(foot, root_scaling_of(human, match), (left, right), match.index(f"{foot}_ankle"), wider, corners, tips)
+    return points[ahead >= corners[TOE, 0].min()], points[ahead <= corners[HEEL, 0].max()]
 
 
 def _hip_and_sole(robot: Robot, match: Match, foot: str) -> tuple[float, Floats]:

@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 AXES = ("x", "y", "z")
 SHORTEST = 1e-6
 """A bone or path up to this length counts as none: its ends coincide on the robot [m]."""
-FrameTargets = tuple[Floats, Floats, Floats]
-"""Lower bounds, upper bounds and π (E,) of the edges at one frame."""
+FrameTargets = tuple[Floats, Floats, Floats | float]
+"""Lower bounds, upper bounds and π of the edges at one frame, each (E,) or broadcast to it."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -106,7 +106,7 @@ class Kind:
             track = self.targets(context)
             return None if track is None else (track.lower[0], track.upper[0], track.priority[0])
         target, priority = memory["edges"].targets(context.human)
-        return target[0], target[0], np.broadcast_to(priority, target.shape)[0]
+        return target[0], target[0], priority[0] if isinstance(priority, np.ndarray) and priority.ndim > 1 else priority
 
     def measure(self, track: Track, body: "SymbolicRobot") -> "ca.SX":
         """Return (E,) values of the edges, an expression of the robot's points, axes and joints; CasADi differentiates it.

@@ -10,7 +10,8 @@ _LEFT, _RIGHT = [0, 2], [1, 3]
 
 def lengths(corners: Floats) -> Floats:
     """Return (…, 2) vectors from mid-heel to mid-toes of soles (…, 4, 3), along the floor [m]."""
-    return corners[..., TOE, :2].mean(axis=-2) - corners[..., HEEL, :2].mean(axis=-2)
+    xy = corners[..., :2]
+    return (xy[..., 0, :] + xy[..., 1, :] - xy[..., 2, :] - xy[..., 3, :]) / 2
 
 
 def heading(soles: Floats) -> Floats:

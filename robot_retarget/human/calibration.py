@@ -31,42 +31,41 @@ class Calibration:
     joints: Ints
     """(S,) joint that turns each segment; empty where the source has no rotations."""
 
-    def keypoints(self, positions: Floats) -> Floats:
-        """Return keypoints (K, 3) with the floor at z = 0, from joints (J, 3) [m]."""
-        x = self.weights @ positions
-        x[:, 2] -= self.floor
-        return x
-
     @cached_property
-    def _legs(self) -> tuple[list[int], Ints]:
+    def _legs(self) -> tuple[Ints, Ints]:
         """The columns of feet on whole legs among the segments, and of hip, knee and ankle (F, 3) among the keypoints."""
         known = self.match.keypoints
         if self.match.recognition.segments:
-            return [], np.zeros((0, 3), dtype=np.int64)
+            return np.zeros(0, dtype=np.int64), np.zeros((0, 3), dtype=np.int64)
         legs = {name: [f"{name[0]}_{k}" for k in ("hip", "knee", "ankle")] for name in FEET}
         whole = [name for name in FEET if name in self.segment_names and set(legs[name]) <= set(known)]
         columns = [[known.index(k) for k in legs[name]] for name in whole]
-        return [self.segment_names.index(name) for name in whole], np.array(columns, dtype=np.int64)
+        own = [self.segment_names.index(name) for name in whole]
+        return np.array(own, dtype=np.int64), np.array(columns, dtype=np.int64)
 
-    def segments(self, x: Floats, rotations: Floats | None) -> dict[str, Floats]:
-        """Return the axes (T, 3, 3) of every segment.
+    def named(self, axes: Floats) -> dict[str, Floats]:
+        """Return axes (T, S, 3, 3) by the name of the segment."""
+        return {name: axes[:, k] for k, name in enumerate(self.segment_names)}
+
+    def axes(self, x: Floats, rotations: Floats | None) -> Floats:
+        """Return the axes (T, S, 3, 3) of every segment.
 
         Args:
             x: (T, K, 3) keypoints [m].
             rotations: (T, J, 4) of the joints, w x y z, or None.
         """
         if not self.segment_names:
-            return {}
+            return np.zeros((len(x), 0, 3, 3))
         if len(self.joints) and rotations is not None:
-            measured = matrices_of(rotations[:, self.joints])
+            measured = matrices_of(rotations.take(self.joints, axis=1))
         else:
             visible = visible_segments(self.match.named(x))
             measured = np.stack([visible[name] for name in self.segment_names], axis=1)
         axes = measured @ self.constants
         feet, legs = self._legs
-        if feet:
-            axes[:, feet] = untwisted(axes[:, feet], x[:, legs])
-        return {name: axes[:, k] for k, name in enumerate(self.segment_names)}
+        if len(feet):
+            axes[:, feet] = untwisted(axes.take(feet, axis=1), x.take(legs, axis=1))
+        return axes
 
 
 def calibrate(motion: Motion, match: Match, x: Floats, floor: Floats, contacts: dict[str, Bools]) -> Calibration:

@@ -1,5 +1,7 @@
 """Features of a stream: the causal version of `features.features_of`."""
 
+from math import hypot
+
 import numpy as np
 
 from robot_retarget.arrays import Floats
@@ -31,11 +33,12 @@ class CausalFeatures:
         level = x if known.around is None else known.around.levelled(x, match)
         self.known, self.contacts, self.leg = known, CausalContacts(match, level), match.human_leg
         self.around = around
-        self.moved: Floats = np.zeros(3)
-        """Correction of every place: leaps taken back, and the drift of the floor [m]."""
+        self.moved: Floats = np.array([0.0, 0.0, -known.calibration.floor])
+        """From the source's places to places over level ground: the floor and its drift, and leaps taken back [m]."""
         self.leaps: int = 0
         """Number of leaps taken back."""
-        self._middle: Floats | None = None
+        self._middle: tuple[float, float] | None = None
+        """The body's place over the floor at the frame before [m]."""
         self._lowest = [0.0, 0.0]
         """Lowest height of the body in the last `WINDOW` and in the present one [m]."""
         self._since = 0.0
@@ -53,28 +56,29 @@ class CausalFeatures:
                 the floor are not taken back.
         """
         known, calibration = self.known, self.known.calibration
-        x = calibration.keypoints(positions) + self.moved
+        x = calibration.weights @ positions + self.moved
         near, level = None, x
         if self.around is None or scene is None:
-            x += self._leap_correction(x, seconds)
+            self._take_leap_back(x, seconds)
             x[:, 2] -= self._drift(float(x[:, 2].min()), seconds)
         else:
             near = self.around.step(x, positions, scene, seconds)
             level = near.levelled(x[None], calibration.match)[0]
-        segments = calibration.segments(x[None], None if rotations is None else rotations[None])
-        contacts = on_soles(self.contacts.step(level, seconds), segments)
+        axes = calibration.axes(x[None], None if rotations is None else rotations[None])
+        contacts = on_soles(self.contacts.step(level, seconds), calibration.named(axes))
         free = near and near.without_stances(contacts)
-        return HumanFeatures(x[None], segments, contacts, _NOT, _NOT, calibration, known.fps, known.ankle_height, free)
+        return HumanFeatures(x[None], axes, contacts, _NOT, _NOT, calibration, known.fps, known.ankle_height, free)
 
-    def _leap_correction(self, x: Floats, seconds: float) -> Floats:
-        """Return the shift (3,) along the floor that takes a leap of the body back [m]."""
-        middle, back = x.mean(axis=0), np.zeros(3)
-        if self._middle is not None:
-            way = (middle - self._middle) * [1.0, 1.0, 0.0]
-            if np.sqrt(way @ way) > LEAP * max(seconds, 1 / 30):
-                back, self.leaps = -way, self.leaps + 1
-        self.moved, self._middle = self.moved + back, middle + back
-        return back
+    def _take_leap_back(self, x: Floats, seconds: float) -> None:
+        """Shift keypoints (K, 3) along the floor, from this frame on, where a leap of the body begins."""
+        ahead, left, _ = (x.sum(axis=0) / len(x)).tolist()
+        before = self._middle or (ahead, left)
+        if hypot(ahead - before[0], left - before[1]) > LEAP * max(seconds, 1 / 30):
+            back = np.array([before[0] - ahead, before[1] - left, 0.0])
+            x += back
+            self.moved, self.leaps = self.moved + back, self.leaps + 1
+            ahead, left = before
+        self._middle = ahead, left
 
     def _drift(self, lowest: float, seconds: float) -> float:
         """Return how far the floor moved in this frame [m]; a drift within `DRIFT` legs counts as level."""
@@ -85,7 +89,7 @@ class CausalFeatures:
             self._since, self._lowest = 0.0, [self._lowest[1], lowest]
         if abs(height) < DRIFT * self.leg:
             return 0.0
-        step = float(np.clip(height, -FOLLOWED * seconds, FOLLOWED * seconds))
+        step = min(max(height, -FOLLOWED * seconds), FOLLOWED * seconds)
         self.moved[2] -= step
         self._lowest = [self._lowest[0] - step, self._lowest[1] - step]
         return step

@@ -4,9 +4,11 @@ Both use the detector of `stance`. A clip is smoothed over time; a stream holds 
 shortest stance instead. The ankle represents the heel.
 """
 
+from math import exp
+
 import numpy as np
 
-from robot_retarget.arrays import Bools, Floats, lengths
+from robot_retarget.arrays import Bools, Floats, Ints, lengths
 from robot_retarget.human.match import Match
 from robot_retarget.human.stance import StanceRule, standing, without_flicker
 
@@ -83,15 +85,16 @@ class CausalContacts:
         """
         self.rule, self.leg = rule or StanceRule(), match.human_leg
         named = [(side, part) for part in PARTS for side in "lr" if f"{side}_{part}" in match.keypoints]
-        self.points: list[int] = [match.index(f"{side}_{part}") for side, part in named]
+        self.points: Ints = np.array([match.index(f"{side}_{part}") for side, part in named], dtype=np.int64)
         self.feet: tuple[str, ...] = tuple(dict.fromkeys(side for side, _ in named))
         self.rows: list[int] = [self.feet.index(side) for side, _ in named]
         self.columns = [PARTS.index(part) for _, part in named]
         low = {part: [match.index(k) for k in match.keypoints if k[2:] == part] for part in PARTS}
         self.floor: Floats = np.array([self.rule.floor_height(x[:, low[part], 2]) for _, part in named])
-        self.stands: Floats = np.zeros(len(self.points), dtype=bool)
+        self.stands: Bools = np.zeros(len(self.points), dtype=bool)
         self.speed, self.since = np.full(len(self.points), np.inf), np.full(len(self.points), np.inf)
         self._before: Floats | None = None
+        self.frames: int = 0
 
     def step(self, x: Floats, seconds: float) -> dict[str, Bools]:
         """Detect the contacts of the next frame.
@@ -103,21 +106,22 @@ class CausalContacts:
         Returns:
             Per foot (1, 2): whether the toe stands, and whether the heel stands.
         """
-        points = x[self.points]
+        points = x.take(self.points, axis=0)
         self._measure_speed(points, seconds)
         enter, stay = self.rule.triggers(self.speed, (points[:, 2] - self.floor) / self.leg)
         self.since += seconds
-        changed = (np.where(self.stands, stay, enter) != self.stands) & (self.since >= self.rule.shortest)
-        self.stands = self.stands ^ changed
-        self.since[changed] = 0.0
+        changed = ((enter | (stay & self.stands)) != self.stands) & (self.since >= self.rule.shortest)
+        if changed.any():
+            self.stands = self.stands ^ changed
+            self.since[changed] = 0.0
         found = np.zeros((len(self.feet), 1, len(PARTS)), dtype=bool)
         found[self.rows, 0, self.columns] = self.stands
         return dict(zip(self.feet, found, strict=True))
 
     def _measure_speed(self, points: Floats, seconds: float) -> None:
-        """Update the exponential average of the speeds [leg lengths / s]."""
+        """Update the exponential average of the speeds [leg lengths / s]; it begins with the second frame."""
         if self._before is not None:
             speed = lengths(points - self._before) / (seconds * self.leg)
-            share = 1 - np.exp(-2 * seconds / CAUSAL_AVERAGE)
-            self.speed = speed if np.isinf(self.speed).any() else self.speed + share * (speed - self.speed)
-        self._before = points
+            known, share = self.frames > 1, 1 - exp(-2 * seconds / CAUSAL_AVERAGE)
+            self.speed = self.speed + share * (speed - self.speed) if known else speed
+        self._before, self.frames = points, self.frames + 1

@@ -23,8 +23,8 @@ class HumanFeatures:
 
     positions: Floats
     """(T, K, 3) keypoints, the floor under them at z = 0 [m]."""
-    segments: dict[str, Floats]
-    """Per segment (T, 3, 3): its forward, left and up as columns."""
+    axes: Floats
+    """(T, S, 3, 3) forward, left and up of every segment as columns."""
     contacts: dict[str, Bools]
     """The contact schedule: per foot (`l`, `r`) (T, 2), whether toe and heel stand."""
     supported: Bools
@@ -43,6 +43,11 @@ class HumanFeatures:
         return len(self.positions)
 
     @cached_property
+    def segments(self) -> dict[str, Floats]:
+        """Axes (T, 3, 3) by the name of the segment."""
+        return self.calibration.named(self.axes)
+
+    @cached_property
     def facing(self) -> Floats:
         """(T, 3, 3) orientation of the whole body."""
         return facing(self.segments, len(self))
@@ -51,13 +56,6 @@ class HumanFeatures:
     def heading(self) -> Floats:
         """(T, 2) unit vectors along the floor in which the body faces."""
         return heading(self.facing)
-
-    @cached_property
-    def closeness(self) -> Floats:
-        """(T, K, K) D̄ = ‖x_u − x_v‖/τ_uv, distances over the length of the path between [Mucherino2017]."""
-        apart = self.positions[:, :, None] - self.positions[:, None]
-        apart *= apart
-        return np.sqrt(apart[..., 0] + apart[..., 1] + apart[..., 2]) / self.calibration.match.human_paths
 
     @property
     def activity(self) -> Activity:
@@ -69,7 +67,7 @@ class HumanFeatures:
         return replace(
             self,
             positions=self.positions[frames],
-            segments={name: turns[frames] for name, turns in self.segments.items()},
+            axes=self.axes[frames],
             contacts={foot: stands[frames] for foot, stands in self.contacts.items()},
             supported=self.supported[frames],
             flying=self.flying[frames],
@@ -87,13 +85,14 @@ def features_of(motion: Motion, match: Match) -> HumanFeatures:
     level = x if around is None else around.levelled(x, match)
     contacts = contact_schedule(level, match, fps, clip.contacts)
     calibration = calibrate(clip, match, x, floor, contacts)
-    segments = calibration.segments(x, clip.rotations)
+    axes = calibration.axes(x, clip.rotations)
+    segments = calibration.named(axes)
     contacts = {
         foot: without_flicker(stands, fps, StanceRule()) for foot, stands in on_soles(contacts, segments).items()
     }
     whole = HumanFeatures(
         x,
-        segments,
+        axes,
         contacts,
         is_supported(level, match, rule),
         is_flying(level, match, fps, rule),

@@ -16,6 +16,8 @@ from robot_retarget.robot.axes import BENT
 FEET = ("l_foot", "r_foot")
 FLAT_SHARE = 0.1
 """Share of the frames, those with the lowest ankle, in which a standing foot is flat [-]: on tiptoe the ankle is higher."""
+TWISTED = np.cos(ARBITRARY)
+"""Largest cosine of the angle between the left of a twisted foot and the axis of its knee [-]."""
 UPRIGHT = 0.9
 """A human is upright while the head is above this share of its largest height [-]."""
 
@@ -53,10 +55,10 @@ def untwisted(feet: Floats, legs: Floats) -> Floats:
         feet: (T, F, 3, 3) axes.
         legs: (T, F, 3, 3) places of hip, knee and ankle [m].
     """
-    bones = legs[..., 1:, :] - legs[..., :-1, :]
-    across, size = cross(bones[..., 0, :], bones[..., 1, :]), lengths(bones)
-    bend, along = lengths(across), np.einsum("...i,...i->...", feet[..., 1], across)
-    turned = (along < np.cos(ARBITRARY) * bend) & (bend > BENT * size[..., 0] * size[..., 1])
+    thigh, shin = legs[..., 1, :] - legs[..., 0, :], legs[..., 2, :] - legs[..., 1, :]
+    across = cross(thigh, shin)
+    bend, along = lengths(across), np.vecdot(feet[..., 1], across)
+    turned = (along < TWISTED * bend) & (bend > BENT * lengths(thigh) * lengths(shin))
     if not turned.any():
         return feet
     y = unit(across)

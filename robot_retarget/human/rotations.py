@@ -23,10 +23,9 @@ def own_rotation(motion: Motion, match: Match, segment: str) -> Floats | None:
 
 def matrices_of(rotations: Floats) -> Floats:
     """Return the matrices (…, 3, 3) of quaternions (…, 4), w x y z of any length: R = (w² − u·u) I + 2 u uᵀ + 2 w [u]×."""
-    pairs = np.einsum("...a,...b->...ab", rotations, rotations)
-    size = np.einsum("...aa->...", pairs)
-    turns = pairs.reshape(*size.shape, 16) @ _PRODUCTS
-    return (turns / size[..., None]).reshape(*size.shape, 3, 3)
+    size = np.vecdot(rotations, rotations)
+    pairs = rotations[..., :, None] * (rotations / size[..., None])[..., None, :]
+    return (pairs.reshape(*size.shape, 16) @ _PRODUCTS).reshape(*size.shape, 3, 3)
 
 
 def _products() -> Floats:

@@ -1,31 +1,36 @@
 """Footholds of a stream: a sole stands where the robot put it down; in swing it returns to the human's path."""
 
-import numpy as np
-from numpy.linalg import norm
+from itertools import product
+from math import inf, pi
 
-from robot_retarget.arrays import Floats, bearing
+import numpy as np
+
+from robot_retarget.arrays import Bools, Floats, bearing
 from robot_retarget.graph.context import RetargetContext, StreamFrame
-from robot_retarget.graph.footholds import Sole, Surface, placed_feet, sole_of, surface_under
+from robot_retarget.graph.footholds import Soles, Surface, soles_of, surface_under
 from robot_retarget.graph.soles import HEEL, TOE, flattened, lengths, raised, turned
 from robot_retarget.graph.track import HARD
-from robot_retarget.graph.weights import RAMP, Weights
-from robot_retarget.human.features import HumanFeatures
+from robot_retarget.graph.weights import RAMP
 from robot_retarget.ramps import smoothstep
-from robot_retarget.robot.feet import CORNERS
 
 STRAYED = 0.2
 """A foot has stepped if the human moves it farther than this from its foothold, over the leg [-]."""
 BLENDED = 0.3
 """A swing foot loses the offset of its foothold within this time [s]."""
+Stance = tuple[bool, bool]
+"""Whether the front corners of a sole stand, and the rear ones."""
+STANCES: dict[Stance, Bools] = {
+    (toe, heel): np.repeat([toe, heel], 2) for toe, heel in product((False, True), repeat=2)
+}
+"""(4,) which corners stand."""
+SWING: Stance = (False, False)
 
 
 class CausalFootholds:
     """The edges of one robot's soles; F feet."""
 
-    feet: tuple[str, ...]
-    weights: Weights
-    offset: Floats
-    landed: Floats
+    soles: Soles
+    swing: float
 
     def __init__(self, context: RetargetContext, across: float, backlash: float):
         """Map the soles of a calibrated performer.
@@ -34,65 +39,62 @@ class CausalFootholds:
             across: π across the floor of soles that stand.
             backlash: by which a foot heads away from its foothold before this turns with it [rad].
         """
-        feet = placed_feet(context.match, context.robot)
-        self.soles: list[Sole] = [sole_of(context.human, context.match, context.robot, foot) for foot in feet]
-        self.feet, self.weights = feet, context.weights
-        self.hard: Floats = np.array([HARD, HARD, across])
-        self.held: Floats = np.zeros((len(feet), CORNERS), dtype=bool)
-        self.places: Floats = np.zeros((len(feet), CORNERS, 3))
-        self.backlash = backlash
+        self.soles, self.backlash = soles_of(context.human, context.match, context.robot), backlash
+        count = len(self.soles.feet)
+        self.hard, self.swing = np.array([HARD, HARD, across]), context.weights.swing
+        self.held: list[Stance] = [SWING] * count
+        self.places: Floats = np.zeros_like(self.soles.corners)
         self.offset, self.landed = np.zeros_like(self.places), np.zeros_like(self.places)
-        self.height: Floats = np.zeros((len(feet), CORNERS))
+        self.height: Floats = np.zeros(self.places.shape[:2])
         """Height of corners over their foothold at touchdown [m]."""
         self.strayed: float = STRAYED * context.leg
-        self.since: Floats = np.full(len(feet), np.inf)
+        self.since: list[float] = [inf] * count
         """Time since a foot last touched down or rose [s]."""
 
     def at(self, frame: StreamFrame) -> tuple[Floats, Floats, Floats]:
         """Return the intervals of corners (F · 4 · 3) [m], and π."""
-        human, corners, seconds = frame.human, frame.corners, frame.seconds
-        target, priority = np.empty_like(self.places), np.zeros((len(self.feet), CORNERS, 3))
-        upper = np.empty_like(self.places)
-        for k, sole in enumerate(self.soles):
-            surface = None if frame.scene is None else surface_under(human, frame.scene, sole.foot)
-            carried = sole.places(human)[0] + (0.0 if surface is None else surface.shift[0])
-            held = self._stands(human, sole.foot) & self._still(k, carried)
-            stood_before, stands = bool(self.held[k].any()), bool(held.any())
-            self.since[k] = 0.0 if stood_before != stands else self.since[k] + seconds
-            if stands and not (stood_before and held[self.held[k]].all()):
-                self.places[k], self.landed[k] = _come_down(corners[k], carried, held, surface), carried
-                self.height[k] = corners[k, :, 2] - self.places[k, :, 2]
-            elif stands:
-                self._turn(k, carried, held)
-            if stood_before and not stands:
-                self.offset[k] = corners[k] - carried
-            self.held[k] = held
-            target[k], priority[k] = self._standing(k) if stands else self._swinging(k, carried)
-            upper[k] = target[k]
-            upper[k, :, 2] += sole.rises(human, held[None])[0]
-        return target.ravel(), upper.ravel(), priority.ravel()
+        human, feet = frame.human, self.soles.feet
+        carried, surfaces = self.soles.places(human)[0], [None] * len(feet)
+        if frame.scene is not None:
+            surfaces = [surface_under(human, frame.scene, foot) for foot in feet]
+            carried += np.stack([surface.shift for surface in surfaces])
+        away = np.abs(carried - self.landed).max(axis=(1, 2)).tolist()
+        priority = np.empty_like(carried)
+        for k, foot in enumerate(feet):
+            wanted = tuple(human.contacts[foot][0].tolist()) if foot in human.contacts else SWING
+            stands = away[k] < self.strayed if any(self.held[k]) else self.since[k] >= RAMP
+            self._change(k, wanted if stands else SWING, carried[k], frame, surfaces[k])
+            carried[k], priority[k] = self._standing(k) if any(self.held[k]) else self._swinging(k, carried[k])
+        upper = carried
+        if any(toe != heel for toe, heel in self.held):
+            upper = carried.copy()
+            upper[..., 2] += self.soles.rises(human, np.array([[STANCES[held] for held in self.held]]))[0]
+        return carried.ravel(), upper.ravel(), priority.ravel()
 
-    def _stands(self, human: HumanFeatures, foot: str) -> np.ndarray:
-        held, schedule = np.zeros(CORNERS, dtype=bool), human.contacts.get(foot)
-        if schedule is not None:
-            held[TOE], held[HEEL] = schedule[0]
-        return held
+    def _change(self, foot: int, held: Stance, carried: Floats, frame: StreamFrame, surface: Surface | None) -> None:
+        """Put a foot down, turn it with the human's, or let it rise.
 
-    def _still(self, foot: int, carried: Floats) -> bool:
-        """Whether a foot may stand: the human has not moved it away from its foothold, and it has not just risen."""
-        if self.held[foot].any():
-            return bool(np.abs(carried - self.landed[foot]).max() < self.strayed)
-        return bool(self.since[foot] >= RAMP)
+        It stands only where the human has not moved it away from its foothold, and after it has just risen.
+        """
+        before, corners = self.held[foot], frame.corners[foot]
+        self.held[foot] = held
+        self.since[foot] = 0.0 if any(before) != any(held) else self.since[foot] + frame.seconds
+        if any(held) and (before == SWING or any(b and not h for b, h in zip(before, held, strict=True))):
+            self.places[foot], self.landed[foot] = _come_down(corners, carried, STANCES[held], surface), carried
+            self.height[foot] = corners[:, 2] - self.places[foot, :, 2]
+        elif any(held):
+            self._turn(foot, carried)
+        elif any(before):
+            self.offset[foot] = corners - carried
 
-    def _turn(self, foot: int, carried: Floats, held: np.ndarray) -> None:
+    def _turn(self, foot: int, carried: Floats) -> None:
         """Turn the foothold about the ball of the big toe, or that side of the heel, as far as the human's foot heads away."""
-        away = bearing(lengths(carried)) - bearing(lengths(self.landed[foot]))
-        away = (away + np.pi) % (2 * np.pi) - np.pi
-        level, shown = (float(norm(lengths(sole))) for sole in (self.places[foot], carried))
-        slack = self.backlash * level / max(shown, 1e-9)  # as in `settled_heading`
-        turn = away - np.clip(away, -slack, slack)
+        ahead, begun, own = lengths(np.stack([carried, self.landed[foot], self.places[foot]]))
+        away = (bearing(ahead) - bearing(begun) + pi) % (2 * pi) - pi
+        slack = self.backlash * np.hypot(*own) / max(np.hypot(*ahead), 1e-9)  # as in `settled_heading`
+        turn = away - min(max(away, -slack), slack)
         if turn:
-            corner = (TOE if held[TOE].any() else HEEL)[self.feet[foot] == "l"]
+            corner = (TOE if self.held[foot][0] else HEEL)[self.soles.feet[foot] == "l"]
             pair = np.stack([self.places[foot], self.landed[foot]])
             self.places[foot], self.landed[foot] = turned(pair, np.full(2, turn), corner)
 
@@ -101,26 +103,28 @@ class CausalFootholds:
 
         π rises by equal factors over `RAMP`, from the geometric mean of a swing and a stance.
         """
-        share = min(self.since[foot] / RAMP, 1.0)
-        place = self.places[foot].copy()
-        place[:, 2] += (1 - smoothstep(np.array(share))) * self.height[foot]
-        return place, np.where(self.held[foot][:, None], self._between((1 + share) / 2), 0.0)
+        share, place = min(self.since[foot] / RAMP, 1.0), self.places[foot]
+        if share < 1:
+            place = place.copy()
+            place[:, 2] += (1 - smoothstep(share)) * self.height[foot]
+        return place, STANCES[self.held[foot]][:, None] * self._between((1 + share) / 2)
 
     def _swinging(self, foot: int, carried: Floats) -> tuple[Floats, Floats]:
         """Return the targets of a swing: the human's path, plus the decaying offset of the last foothold.
 
         π falls by equal factors over `RAMP`, from the geometric mean of a swing and a stance.
         """
-        share = min(self.since[foot] / RAMP, 1.0)
-        left = 1 - smoothstep(np.minimum(self.since[foot] / BLENDED, 1.0))
-        return carried + left * self.offset[foot], self._between((1 - share) / 2)
+        since = self.since[foot]
+        if since < BLENDED:
+            carried = carried + (1 - smoothstep(since / BLENDED)) * self.offset[foot]
+        return carried, self._between((1 - min(since / RAMP, 1.0)) / 2)
 
     def _between(self, share: float) -> Floats:
         """Return π (3,) between a swing, share 0, and a stance, share 1, in equal factors."""
-        return self.hard**share * self.weights.swing ** (1 - share)
+        return self.hard**share * self.swing ** (1 - share)
 
 
-def _come_down(corners: Floats, carried: Floats, held: np.ndarray, surface: Surface | None) -> Floats:
+def _come_down(corners: Floats, carried: Floats, held: Bools, surface: Surface | None) -> Floats:
     """Return a foothold (4, 3) under corners (4, 3): flat, headed as the human's foot (4, 3), held corners in place.
 
     It is on the floor, or on a surface of one frame.

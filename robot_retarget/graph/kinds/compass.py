@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from robot_retarget.arrays import Floats, unit
+from robot_retarget.arrays import Floats, Ints, unit
 from robot_retarget.graph.kind import AXES, SHORTEST, FrameEdges, Kind, RetargetContext, Track
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
 from robot_retarget.human.features import HumanFeatures
@@ -20,14 +20,14 @@ from robot_retarget.human.features import HumanFeatures
 class _Lines(FrameEdges):
     """Lines between keypoints, three edges each."""
 
-    one: list[int]
-    other: list[int]
+    one: Ints
+    other: Ints
     priority: Floats
 
     def targets(self, human: HumanFeatures) -> tuple[Floats, Floats]:
         """Return coordinates of unit vectors, and π."""
         x = human.positions
-        return unit(x[:, self.one] - x[:, self.other]).reshape(len(x), -1), self.priority
+        return unit(x.take(self.one, axis=1) - x.take(self.other, axis=1)).reshape(len(x), -1), self.priority
 
 
 class CompassKind(Kind):
@@ -40,7 +40,7 @@ class CompassKind(Kind):
         match, lines = context.match, list(self._lines(context))
         if not lines:
             return None
-        one, other = [match.index(a) for a, _, _ in lines], [match.index(b) for _, b, _ in lines]
+        one, other = np.array([[match.index(a), match.index(b)] for a, b, _ in lines]).T
         ends, priority = [(a, b) for a, b, _ in lines for _ in AXES], np.repeat([line[2] for line in lines], len(AXES))
         return _Lines(ends=ends, axes=AXES * len(lines), one=one, other=other, priority=priority)
 

@@ -15,20 +15,18 @@ from robot_retarget.graph.symbolic_robot import SymbolicRobot
 from robot_retarget.human.features import HumanFeatures
 
 MARKERS = ("forward", "up")
-_COLUMNS = [0, 2]
+_COLUMNS = slice(0, 3, 2)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Markers(FrameEdges):
     """The markers of segments, three edges each."""
 
-    segments: tuple[str, ...]
     priority: Floats
 
     def targets(self, human: HumanFeatures) -> tuple[Floats, Floats]:
         """Return coordinates of unit vectors, and π."""
-        turns = np.stack([human.segments[segment] for segment in self.segments], axis=1)
-        return turns[..., _COLUMNS].swapaxes(2, 3).reshape(len(turns), -1), self.priority
+        return human.axes[..., _COLUMNS].swapaxes(2, 3).reshape(len(human), -1), self.priority
 
 
 class OrientationKind(Kind):
@@ -44,7 +42,7 @@ class OrientationKind(Kind):
         weight = [w.foot if segment.endswith("foot") else w.orientation for segment in segments]
         ends = [(segment, marker) for segment in segments for marker in MARKERS for _ in AXES]
         axes, priority = AXES * (len(MARKERS) * len(segments)), np.repeat(weight, len(MARKERS) * len(AXES))
-        return _Markers(ends=ends, axes=axes, segments=segments, priority=priority)
+        return _Markers(ends=ends, axes=axes, priority=priority)
 
     def renewed(self, track: Track, measured: Floats | None, phase: Phase) -> Track:
         """Return in a stand the rotation of the pelvis in the standing pose."""
@@ -59,5 +57,5 @@ class OrientationKind(Kind):
         found = []
         for segment, marker in track.ends[:: len(AXES)]:
             own, axes = frames[segment]
-            found.append(body.axis(own, axes[:, _COLUMNS[MARKERS.index(marker)]]))
+            found.append(body.axis(own, axes[:, _COLUMNS][:, MARKERS.index(marker)]))
         return ca.vertcat(*found)

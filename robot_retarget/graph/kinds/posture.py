@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints
+from robot_retarget.arrays import Floats, Ints, lengths
 from robot_retarget.graph.kind import SHORTEST, FrameEdges, Kind, RetargetContext, Track
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
 from robot_retarget.graph.weights import Weights
@@ -19,18 +19,32 @@ from robot_retarget.human.normalisation import path_weights
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class _Pairs(FrameEdges):
+class KeypointPairs(FrameEdges):
     """E pairs of keypoints; their scale is the length of the robot's path between them [m]."""
 
     i: Ints
     j: Ints
+    path: Floats
+    """(E,) length of the human's path between them [m]."""
+
+    def closeness(self, human: HumanFeatures) -> Floats:
+        """Return (T, E) distances of the human over the length of the path between."""
+        x = human.positions
+        return lengths(x.take(self.i, axis=1) - x.take(self.j, axis=1)) / self.path
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Posture(KeypointPairs):
+    """Pairs whose π falls with the distance."""
+
     weights: Weights
     share: float
 
     def targets(self, human: HumanFeatures) -> tuple[Floats, Floats]:
         """δ [m] and π."""
-        close, w = human.closeness[:, self.i, self.j], self.weights
-        return self.scale * close, self.share * (w.far + w.near * np.exp(-((close / w.reach) ** 2)))
+        close, w = self.closeness(human), self.weights
+        near = close / w.reach
+        return self.scale * close, self.share * (w.far + w.near * np.exp(-near * near))
 
 
 class PostureKind(Kind):
@@ -38,7 +52,7 @@ class PostureKind(Kind):
 
     name = "posture"
 
-    def edges(self, context: RetargetContext) -> _Pairs:
+    def edges(self, context: RetargetContext) -> _Posture:
         """Return the pairs, with δ by the paths of both bodies."""
         match, weights = context.match, context.weights
         i, j = np.triu_indices(len(match.keypoints), 1)
@@ -48,7 +62,8 @@ class PostureKind(Kind):
         i, j, tau = i[keep], j[keep], tau[keep]
         ends = [(match.keypoints[a], match.keypoints[b]) for a, b in zip(i, j, strict=True)]
         share = len(match.keypoints) / max(len(i), 1)
-        return _Pairs(ends=ends, scale=tau, huber_delta=weights.huber_delta, i=i, j=j, weights=weights, share=share)
+        pairs = {"i": i, "j": j, "path": match.human_paths[i, j]}
+        return _Posture(ends=ends, scale=tau, huber_delta=weights.huber_delta, **pairs, weights=weights, share=share)
 
     def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
         """d_uv."""

@@ -7,9 +7,9 @@ import casadi as ca
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
-from robot_retarget.arrays import Floats, Ints
-from robot_retarget.graph.kind import SHORTEST, FrameEdges, FrameTargets, Kind, RetargetContext, StreamFrame, Track
-from robot_retarget.graph.kinds.posture import distances
+from robot_retarget.arrays import Floats
+from robot_retarget.graph.kind import SHORTEST, FrameTargets, Kind, RetargetContext, StreamFrame, Track
+from robot_retarget.graph.kinds.posture import KeypointPairs, distances
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
 from robot_retarget.graph.weights import RAMP
 from robot_retarget.human.features import HumanFeatures
@@ -18,18 +18,19 @@ from robot_retarget.keypoints import ARM
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class _Touches(FrameEdges):
-    """C pairs of keypoints that may touch; their scale is the length of the robot's path between them [m]."""
+class _Touches(KeypointPairs):
+    """Pairs that may touch."""
 
-    i: Ints
-    j: Ints
     reach: Floats
     faint: float
 
     def targets(self, human: HumanFeatures) -> tuple[Floats, Floats]:
         """Return δ [m], and the strength of each touch, 0 … 1."""
-        close = human.closeness[:, self.i, self.j]
-        return self.scale * close, np.maximum(np.exp(-((close / self.reach) ** 8)) - self.faint, 0.0)
+        close = self.closeness(human)
+        near = close / self.reach
+        near *= near
+        near *= near
+        return self.scale * close, np.maximum(np.exp(-near * near) - self.faint, 0.0)
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ class TouchKind(Kind):
             return None
         target, _, strength = found
         reach, last = context.seconds / self.lead, memory.get("strength", 0.0)
-        memory["strength"] = np.clip(strength, last - reach, last + reach)
+        memory["strength"] = np.minimum(np.maximum(strength, last - reach), last + reach)
         return target, target, context.weights.touch * memory["strength"]
 
     def edges(self, context: RetargetContext) -> _Touches | None:
@@ -80,7 +81,8 @@ class TouchKind(Kind):
         ends = [(match.keypoints[b], match.keypoints[a]) for a, b in pairs]
         tau = np.maximum(path_weights(match.parents, match.robot_bones)[i, j], SHORTEST)
         reach = np.array([self.reach(*pair) for pair in ends])
-        return _Touches(ends=ends, scale=tau, i=i, j=j, reach=reach, faint=self.faint)
+        path = match.human_paths[i, j]
+        return _Touches(ends=ends, scale=tau, i=i, j=j, path=path, reach=reach, faint=self.faint)
 
     def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
         """d_uv."""

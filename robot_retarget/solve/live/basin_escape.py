@@ -46,7 +46,7 @@ class HomeTransition:
 
     def around(self, box: Box, home: Floats, slack: float) -> Box:
         """Return the box with the moving hinges on their curve to the home angles (n,), as far as the box allows."""
-        share = float(smoothstep(np.array(min(self.gone / self.lasts, 1.0))))
+        share = smoothstep(min(self.gone / self.lasts, 1.0))
         aim = np.clip((1 - share) * self.since + share * home, box.lower, box.upper)
         lower = np.where(self.hinges, np.maximum(aim - slack, box.lower), box.lower)
         upper = np.where(self.hinges, np.minimum(aim + slack, box.upper), box.upper)

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import repeat
+from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,9 @@ LEAST = 12
 """Smallest number of frames for which a performer is observed."""
 FARTHEST = 1000.0
 """A joint farther away is an invalid position [m]."""
+
+SHORTEST = 1e-6
+"""A quaternion whose largest component is smaller is no rotation [-]."""
 
 
 class Stream:
@@ -190,10 +194,12 @@ class Stream:
             raise UsageError(
                 f"a frame of {joints} joints has positions ({joints}, 3) and rotations ({joints}, 4) or None"
             )
-        if not (np.isfinite(positions).all() and np.isfinite(time) and np.abs(positions).max() < FARTHEST):
+        if not (positions.min() > -FARTHEST and positions.max() < FARTHEST and isfinite(time)):
             return "not finite"
-        if rotations is not None and not (np.isfinite(rotations).all() and np.abs(rotations).max(axis=1).min() > 1e-6):
-            return "not finite"
+        if rotations is not None:
+            largest = np.abs(rotations).max(axis=1)
+            if not (largest.min() > SHORTEST and largest.max() < inf):
+                return "not finite"
         if self._last is not None and time <= self._last.time:
             return "not after the one before"
         return None
