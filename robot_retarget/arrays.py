@@ -48,6 +48,12 @@ def lengths(vectors: Floats) -> Floats:
     return np.sqrt(np.vecdot(vectors, vectors))
 
 
+def as_slice(indices: Ints) -> Ints | slice:
+    """Return indices (N,) as a slice, which is faster, where they are consecutive."""
+    consecutive = indices.size and (np.diff(indices) == 1).all()
+    return slice(int(indices[0]), int(indices[-1]) + 1) if consecutive else indices
+
+
 def bearing(ahead: Floats) -> Floats:
     """Return the angle (…) of directions (…, 2) along the floor, from x towards y [rad]."""
     return np.arctan2(ahead[..., 1], ahead[..., 0])

@@ -50,12 +50,12 @@ class Compiled:
 
     def __call__(self, *values: Floats) -> list[Floats]:
         """Return vectors flat and matrices as (rows, columns). Missing trailing arguments keep their last values."""
-        for argument, value in zip(self.arguments, values, strict=False):
-            argument[:] = value if value.ndim < 2 else value.ravel(order="F")
+        for place, value in zip(self._given, values, strict=False):
+            place[0] = value if value.ndim < 2 else value.T
         self.trigger()
         return [
-            result.copy() if columns == 1 else result.reshape((rows, columns), order="F").copy()
-            for result, (rows, columns) in zip(self.results, self.shapes, strict=True)
+            result.copy() if columns == 1 else place[0].T.copy()
+            for result, place, (_, columns) in zip(self.results, self._found, self.shapes, strict=True)
         ]
 
     def fill(self, values: Sequence[Floats], results: Sequence[Floats], frames: slice) -> None:
@@ -94,6 +94,8 @@ class Mapped:
         if values[0].ndim == 1:
             return self.single(*values)
         count = len(values[0])
+        if count == 1:
+            return [result[None] for result in self.single(*(value[0] for value in values))]
         results = [np.empty((count, rows) if columns == 1 else (count, columns, rows)) for rows, columns in self.shapes]
         for first in range(0, count, BLOCK):
             last = min(first + BLOCK, count)
@@ -185,19 +187,20 @@ class QuadraticPrograms:
         problem = hessian, gradient, lower, upper
         few, frames = np.argsort(-row_lower, axis=1, kind="stable")[:, :FEW], np.arange(len(rows))[:, None]
         x, kept = self._solved(*problem, rows[frames, few], row_lower[frames, few])
-        broken = np.flatnonzero((_times(rows, x) < row_lower - EXACT).any(axis=1) | ~kept)
+        room = _times(rows, x) - row_lower
+        broken = np.flatnonzero((room < -EXACT).any(axis=1) | ~kept)
         if broken.size:
             x[broken], kept[broken] = self._solved(*(each[broken] for each in (*problem, rows, row_lower)))
+            kept[broken] &= (_times(rows[broken], x[broken]) >= row_lower[broken] - WITHIN).all(axis=1)
         return x, kept
 
     def _solved(
         self, hessian: Floats, gradient: Floats, lower: Floats, upper: Floats, rows: Floats, row_lower: Floats
     ) -> tuple[Floats, Bools]:
-        """Solve with all of some rows."""
+        """Solve with all of some rows; return also whether bounds hold (N,)."""
         found = self._mapped(rows.shape[1])(hessian, gradient, rows, lower, upper, row_lower)[0]
         x = found.clip(lower, upper)
-        kept = (_times(rows, x) >= row_lower - WITHIN).all(axis=1)
-        return x, kept & (np.abs(x - found).max(axis=1) <= WITHIN)
+        return x, np.abs(x - found).max(axis=1) <= WITHIN
 
     def _mapped(self, count: int) -> Mapped:
         """Return the program with a number of rows."""

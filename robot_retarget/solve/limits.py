@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints
+from robot_retarget.arrays import Floats, Ints, as_slice
 from robot_retarget.graph.role import FRAME, Form, Role
 from robot_retarget.graph.track import Track
 from robot_retarget.robot import Robot
@@ -96,7 +96,6 @@ class JointLimits:
 
 
 def _indices(names: Sequence[str], track: Track) -> Ints | slice:
-    """Return the indices of the first ends of a track among names; as a slice, which is faster, where they are consecutive."""
+    """Return the indices of the first ends of a track among names."""
     places = {name: k for k, name in enumerate(names)}
-    found = np.array([places[end] for end, _ in track.ends], dtype=np.int64)
-    return slice(found[0], found[-1] + 1) if found.size and (np.diff(found) == 1).all() else found
+    return as_slice(np.array([places[end] for end, _ in track.ends], dtype=np.int64))

@@ -15,7 +15,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints
+from robot_retarget.arrays import Floats, Ints, as_slice
 from robot_retarget.graph.kinds import KINDS
 from robot_retarget.graph.role import FRAME, Form, Role
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
@@ -143,12 +143,12 @@ class Inequalities:
         (self._measure,) = self.build.functions
         self.columns: dict[str, slice] = columns_of(own)
         """The edges of each kind among these rows."""
-        self.edges: Ints = np.array(
-            [edge for t in own for edge in range(every[t.name].start, every[t.name].stop)], dtype=int
-        )
+        own_edges = [edge for t in own for edge in range(every[t.name].start, every[t.name].stop)]
+        self.edges: Ints | slice = as_slice(np.array(own_edges, dtype=int))
         self._below = _where([np.isfinite(t.lower).any(axis=0) | t.kind.follows_human for t in own])
         self._above = _where([np.isfinite(t.upper).any(axis=0) | t.kind.follows_human for t in own])
-        self._raising = _where([np.full(len(t), t.kind.raises_root) for t in own])
+        self._raising: Ints | slice = as_slice(_where([np.full(len(t), t.kind.raises_root) for t in own]))
+        self._rows: Ints | slice = as_slice(self._below)
 
     def __len__(self) -> int:
         return len(self._below) + len(self._above)
@@ -157,7 +157,7 @@ class Inequalities:
         """Return slopes (…, R, nv) and deficits (…, R), bound minus value, at configurations (…, nq)."""
         values, slopes = self._measure(q)
         slopes, lower = slopes.reshape(*values.shape, self._nv), targets.lower[..., self.edges]
-        below = slopes[..., self._below, :], (lower - values)[..., self._below]
+        below = slopes[..., self._rows, :], (lower - values)[..., self._rows]
         if not self._above.size:
             return below
         above = -slopes[..., self._above, :], (values - targets.upper[..., self.edges])[..., self._above]

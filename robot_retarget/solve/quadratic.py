@@ -290,7 +290,7 @@ class CostModel:
         diagonal(normal)[:] += weight
         columns: dict[str, Any] = {
             **vars(current),
-            "cost": current.cost + change**2 @ weight,
+            "cost": current.cost + change * change @ weight,
             "gradient": current.gradient + weight * change,
             "normal": normal,
         }

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.arrays import Bools, Floats, Ints
+from robot_retarget.arrays import Bools, Floats, Ints, as_slice
 from robot_retarget.graph.status import Status
 from robot_retarget.robot import Robot
 from robot_retarget.robot.dynamics import root_dofs
@@ -38,6 +38,7 @@ class FrameSolver:
     def __init__(self, problem: Problem, options: SolveOptions | None = None):
         self.problem, self.options, self.robot = problem, options or SolveOptions(), problem.robot
         self.hinges, self.leg, self.roots = self.robot.dof_index, problem.leg, root_dofs(self.robot)
+        self._dofs, self._angles, self._root = map(as_slice, (self.hinges, self.robot.qpos_index, self.roots))
         self.costs: CostModel = CostModel(problem, self.options)
         slack = 1  # of separation; it stands last
         self.programs: QuadraticPrograms = QuadraticPrograms(self.robot.model.nv + slack)
@@ -134,7 +135,8 @@ class FrameSolver:
         box, regions = descent.box.at(active), descent.regions
         entering = descent.entering[active] & (box.outside(q[:, index]) > 1e-6)
         descent.entering[active] = entering
-        step, gain, kept = self._steps(q, own, regions.radius[active], regions.damping[active], box)
+        step, slack, kept = self._steps(q, own, regions.radius[active], regions.damping[active], box)
+        gain = self.costs.decrease(own, step, slack)
         small = np.abs(step[:, self.hinges]).max(axis=1, initial=0.0) < UNSEEN
         done = kept & small & (gain <= descent.tolerance * own.cost + 1e-12) & ~(own.penetrates_floor | entering)
         descent.status[active[~kept]], descent.status[active[done]] = Status.BLOCKED, Status.CONVERGED
@@ -169,20 +171,21 @@ class FrameSolver:
 
         No step follows one that turns every hinge by less than `UNSEEN`.
         """
-        q, base, taken = start[None], None, 0
-        own, regions, proximal = box.clip, TrustRegions(self.options, 1), proximal and proximal.clip
-        status = Status.OUT_OF_ITERATIONS
-        while taken < steps and status is not Status.CONVERGED:
-            base = self.costs.linearize(q, targets.clip)
-            current = self.costs.with_neighbours(self.costs.with_proximal(base, q, proximal), q, [around])
-            step, _, kept = self._steps(q, current, regions.radius, regions.damping, own)
+        q, taken, status, base = start, 0, Status.OUT_OF_ITERATIONS, None
+        radius, damping = np.array([[self.options.trust_region], [self.options.damping]])
+        own, asked, proximal = box.clip, targets.clip, proximal and proximal.clip
+        while taken < steps and status is Status.OUT_OF_ITERATIONS:
+            base = self.costs.linearize(q[None], asked)
+            current = self.costs.with_neighbours(self.costs.with_proximal(base, q[None], proximal), q[None], [around])
+            step, _, kept = self._steps(q[None], current, radius, damping, own)
             if not kept[0]:
-                ends = float(base.cost[0]), taken, float(base.clearance_deficit[0])
-                return self._closed(FrameSolution(q[0], Status.BLOCKED, *ends))
-            q, taken = integrate(self.robot, q, step), taken + 1
-            status = Status.CONVERGED if float(np.abs(step[:, self.hinges]).max()) < UNSEEN else status
+                status = Status.BLOCKED
+                continue
+            q, taken = integrate(self.robot, q, step[0]), taken + 1
+            if np.abs(step[0, self._dofs]).max(initial=0.0) < UNSEEN:
+                status = Status.CONVERGED
         assert base is not None
-        return self._closed(FrameSolution(q[0], status, float(base.cost[0]), taken, float(base.clearance_deficit[0])))
+        return self._closed(FrameSolution(q, status, float(base.cost[0]), taken, float(base.clearance_deficit[0])))
 
     def _with_terms(self, descent: Descent, base: Quadratic, q: Floats, frames: Ints | None) -> Quadratic:
         """Return the model of frames at q with the terms of proximal and neighbours; of all frames by default."""
@@ -196,25 +199,26 @@ class FrameSolver:
     ) -> tuple[Floats, Floats, Bools]:
         """Return the steps (N, nv) that minimise the quadratic models within box, trust regions, floor and separation.
 
-        Returns also their decrease (N,), and whether the rows can be kept (N,).
+        Returns also what links then lack (N,) over the leg, and whether the rows can be kept (N,).
         """
-        (count, nv), angle = current.gradient.shape, q[:, self.robot.qpos_index]
+        (count, nv), angle = current.gradient.shape, q[:, self._angles]
         radius = radius[:, None]
-        lower, upper = -2 * radius * np.ones(nv + 1), 2 * radius * np.ones(nv + 1)
-        lower[:, self.hinges] = (box.lower - angle).clip(-radius, radius)
-        upper[:, self.hinges] = (box.upper - angle).clip(-radius, radius)
+        upper = np.repeat(2 * radius, nv + 1, axis=1)
+        lower = -upper
+        lower[:, self._dofs] = (box.lower - angle).clip(-radius, radius)
+        upper[:, self._dofs] = (box.upper - angle).clip(-radius, radius)
         lower[:, nv], upper[:, nv] = 0.0, np.inf
         if box.root is not None:
             anchor, reach = box.root
-            moved = difference(self.robot, anchor, q)[:, self.roots]
-            lower[:, self.roots] = np.maximum(np.minimum(-reach - moved, 0.0), -2 * radius)
-            upper[:, self.roots] = np.minimum(np.maximum(reach - moved, 0.0), 2 * radius)
+            moved = difference(self.robot, anchor, q)[:, self._root]
+            lower[:, self._root] = np.maximum(np.minimum(-reach - moved, 0.0), -2 * radius)
+            upper[:, self._root] = np.minimum(np.maximum(reach - moved, 0.0), 2 * radius)
         hessian, gradient = np.zeros((count, nv + 1, nv + 1)), np.zeros((count, nv + 1))
         hessian[:, :nv, :nv], gradient[:, :nv] = current.normal, current.gradient
         diagonal(hessian)[:, :nv] += damping[:, None]
         hessian[:, nv, nv] = self.options.overlap_cost / self.leg**2
         found, kept = self.programs.solve(hessian, gradient, lower, upper, current.rows, current.row_lower)
-        return found[:, :nv], self.costs.decrease(current, found[:, :nv], found[:, nv] / self.leg), kept
+        return found[:, :nv], found[:, nv] / self.leg, kept
 
     def _closed(self, pose: FrameSolution) -> FrameSolution:
         """Return the pose with closed chains and meshed gears; small steps then stay on the same branch."""

@@ -9,6 +9,7 @@ spring and a damper, m ẍ = −(x − y) − c ẋ, sampled exactly every h.
 
 from collections import deque
 from collections.abc import Callable
+from math import cos, exp, pi, sqrt
 
 import numpy as np
 
@@ -112,8 +113,8 @@ def follower(options: RealTime, seconds: float) -> tuple[float, float]:
     The recursion x = (y + w (x₁ + β (x₁ − x₂))) / (1 + w) has the poles of the damped spring, e^{(−ζ ± i √(1−ζ²)) ω h}:
     their product is r β and their sum r (1 + β), with r = w / (1 + w).
     """
-    turn = 2 * np.pi * options.frequency * seconds
-    radius = np.exp(-options.damping * turn)
-    product, total = radius**2, 2 * radius * np.cos(np.sqrt(1 - options.damping**2) * turn)
+    turn = 2 * pi * options.frequency * seconds
+    radius = exp(-options.damping * turn)
+    product, total = radius**2, 2 * radius * cos(sqrt(1 - options.damping**2) * turn)
     share = max(total - product, 0.0)
-    return float(share / (1 - share)), float(np.clip(product / share, 0.0, 1.0)) if share > 0 else 0.0
+    return share / (1 - share), min(max(product / share, 0.0), 1.0) if share > 0 else 0.0
