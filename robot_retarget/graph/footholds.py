@@ -45,9 +45,9 @@ def footholds_of(human: HumanFeatures, match: Match, robot: Robot, backlash: flo
     """
     feet = placed_feet(match, robot)
     held = np.zeros((len(human), len(feet), CORNERS), dtype=bool)
-    places, rises = np.zeros((*held.shape, 3)), np.zeros(held.shape)
+    places = np.zeros((*held.shape, 3))
     if not feet:
-        return Footholds(feet, held, places, rises)
+        return Footholds(feet, held, places, np.zeros(held.shape))
     soles, scene = soles_of(human, match, robot), placed_scene(human, match)
     ways = soles.places(human)
     for k, foot in enumerate(feet):
@@ -61,7 +61,7 @@ def footholds_of(human: HumanFeatures, match: Match, robot: Robot, backlash: flo
         surface = surface_under(human, scene, foot)
         corners = corners + surface.shift[:, None]
         places[:, k] = foothold_corners(held[:, k], corners, surface=surface, heading=heading)
-    return Footholds(feet, held, places, rises)
+    return Footholds(feet, held, places, soles.rises(human, held))
 
 
 def placed_feet(match: Match, robot: Robot) -> tuple[str, ...]:

@@ -197,6 +197,9 @@ def integrate(robot: Robot, qpos: Floats, velocity: Floats) -> Floats:
         velocity: (…, nv) tangent vectors.
     """
     moved = np.array(qpos)
+    if moved.ndim == 1:
+        mujoco.mj_integratePos(robot.model, moved, velocity, 1.0)
+        return moved
     if moved.size < MANY * robot.model.nq:
         rows = moved.reshape(-1, robot.model.nq), velocity.reshape(-1, robot.model.nv)
         for one, change in zip(*rows, strict=True):
@@ -225,7 +228,11 @@ def difference(robot: Robot, start: Floats, end: Floats) -> Floats:
         start: (…, nq) configurations, or one for all.
         end: (…, nq) configurations.
     """
-    velocity, begins = np.empty((*end.shape[:-1], robot.model.nv)), np.broadcast_to(start, end.shape)
+    velocity = np.empty((*end.shape[:-1], robot.model.nv))
+    if end.ndim == 1:
+        mujoco.mj_differentiatePos(robot.model, velocity, 1.0, start, end)
+        return velocity
+    begins = np.broadcast_to(start, end.shape)
     if end.size < MANY * robot.model.nq:
         rows = velocity.reshape(-1, robot.model.nv), *(side.reshape(-1, robot.model.nq) for side in (begins, end))
         for change, before, after in zip(*rows, strict=True):

@@ -194,6 +194,30 @@ class QuadraticPrograms:
             kept[broken] &= (_times(rows[broken], x[broken]) >= row_lower[broken] - WITHIN).all(axis=1)
         return x, kept
 
+    def solve_frame(
+        self, hessian: Floats, gradient: Floats, lower: Floats, upper: Floats, rows: Floats, row_lower: Floats
+    ) -> tuple[Floats, bool]:
+        """Return the same of one frame with any number of rows: the minimiser (n,), and whether rows hold."""
+        problem = hessian, gradient, lower, upper
+        few = np.argsort(-row_lower, kind="stable")[:FEW]
+        x, kept = self._one(*problem, rows.take(few, axis=0), row_lower.take(few))
+        if kept and (rows @ x >= row_lower - EXACT).all():
+            return x, True
+        x, kept = self._one(*problem, rows, row_lower)
+        return x, kept and bool((rows @ x >= row_lower - WITHIN).all())
+
+    def _one(
+        self, hessian: Floats, gradient: Floats, lower: Floats, upper: Floats, rows: Floats, row_lower: Floats
+    ) -> tuple[Floats, bool]:
+        """Solve one frame with all of some rows; return also whether bounds hold."""
+        missing = -len(rows) % FEW or FEW * (not len(rows))
+        if missing:
+            rows = np.concatenate([rows, np.zeros((missing, self.variables))])
+            row_lower = np.concatenate([row_lower, np.full(missing, -np.inf)])
+        (found,) = self._mapped(len(rows)).single(hessian, gradient, rows, lower, upper, row_lower)
+        x = found.clip(lower, upper)
+        return x, bool(np.abs(x - found).max() <= WITHIN)
+
     def _solved(
         self, hessian: Floats, gradient: Floats, lower: Floats, upper: Floats, rows: Floats, row_lower: Floats
     ) -> tuple[Floats, Bools]:

@@ -95,6 +95,25 @@ class JointLimits:
         return Differences(weight, pull / np.where(weight > 0, weight, 1.0), inertia)
 
 
+class ConstantLimits(JointLimits):
+    """The limits of a stream whose joint edges do not follow the human: they keep the targets of the first frame."""
+
+    def __init__(self, robot: Robot, tracks: Sequence[Track], columns: Mapping[str, slice]):
+        super().__init__(robot, tracks, columns)
+        self._joints: JointBounds | None = None
+        self._costs: dict[tuple[int, ...], Differences] = {}
+
+    def bounds(self, targets: Targets) -> JointBounds:
+        if self._joints is None:
+            self._joints = super().bounds(targets)
+        return self._joints
+
+    def differences(self, targets: Targets, stencil: tuple[int, ...]) -> Differences:
+        if stencil not in self._costs:
+            self._costs[stencil] = super().differences(targets, stencil)
+        return self._costs[stencil]
+
+
 def _indices(names: Sequence[str], track: Track) -> Ints | slice:
     """Return the indices of the first ends of a track among names."""
     places = {name: k for k, name in enumerate(names)}

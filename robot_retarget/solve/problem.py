@@ -25,7 +25,7 @@ from robot_retarget.robot import Robot
 from robot_retarget.solve.build_key import build_key
 from robot_retarget.solve.compiled import Build, Upgraded
 from robot_retarget.solve.honoured import require_honoured
-from robot_retarget.solve.limits import JointLimits, Targets
+from robot_retarget.solve.limits import ConstantLimits, JointLimits, Targets
 from robot_retarget.solve.stencils import StencilCost
 from robot_retarget.solve.targets import ClipTargets as ClipTargets
 from robot_retarget.solve.targets import EdgeTargets as EdgeTargets
@@ -74,6 +74,8 @@ class Problem:
     """All tracks of the graph in the order of `track.ordered`; their targets are parameters."""
     parts: tuple[CompiledTracks, ...]
     inequalities: "Inequalities"
+    streams: bool = False
+    """Whether frames come one by one: edges that do not follow the human keep their targets."""
 
     @cached_property
     def columns(self) -> dict[str, slice]:
@@ -92,7 +94,9 @@ class Problem:
     @cached_property
     def limits(self) -> JointLimits:
         """The rows of joint coordinates."""
-        return JointLimits(self.robot, self.tracks, self.columns)
+        vary = any(t.kind.follows_human for t in self.tracks if t.role is Role.BOUND or t.kind.form is Form.JOINT)
+        limits = ConstantLimits if self.streams and not vary else JointLimits
+        return limits(self.robot, self.tracks, self.columns)
 
     @property
     def leg(self) -> float:
@@ -213,7 +217,7 @@ def build_problem(
         if group:
             first, shipped = columns[group[0].name].start, group is groups[0]
             parts.append(CompiledTracks(robot, match, group, first, native and shipped, shipped))
-    return Problem(robot, match, tracks, tuple(parts), Inequalities(robot, match, tracks, native))
+    return Problem(robot, match, tracks, tuple(parts), Inequalities(robot, match, tracks, native), lag is not None)
 
 
 class _Terms:

@@ -39,6 +39,10 @@ class Proximal:
         """The term of one frame as that of a clip."""
         return Proximal(self.anchor[None], self.offset[None], self.weight)
 
+    def change(self, robot: Robot, q: Floats) -> Floats:
+        """Return (…, nv) how far configurations (…, nq) are from where the term draws them."""
+        return difference(robot, self.anchor, q) - self.offset
+
     def of(self, frames: Ints) -> "Proximal":
         """Return the term of some frames."""
         return Proximal(self.anchor[frames], self.offset[frames], self.weight)
@@ -152,6 +156,7 @@ class CostModel:
         reach = options.reach * self.leg
         numeric = [NumericTrack(problem, t, reach) for t in problem.tracks if t.kind.form is Form.NUMERIC]
         self.numeric = [each for each in numeric if each.track.role is Role.COST]
+        self.alone = [each for each in self.numeric if each.track.stencil == FRAME]
         self.surfaces = [each for each in numeric if each.track.role is Role.INEQUALITY]
         """The kinds that keep surfaces apart; they share one slack."""
         self.most = sum(each.track.kind.most for each in self.surfaces)
@@ -178,8 +183,7 @@ class CostModel:
         rows[:, hard:, :nv], rows[:, hard:, nv] = near.slope, np.isfinite(apart)
         if between is not None:
             self._with_ways(q, between, targets, rows[:, hard:], apart)
-        row_lower[:, hard:] = np.where(apart > self.options.tolerated * self.leg, apart, np.minimum(apart, 0.0))
-        lacking = self._lacking(apart)
+        row_lower[:, hard:], lacking = self.row_lower(apart), self.lacking(apart)
         total += self.options.overlap_cost * lacking**2
         penetrates_floor = deficit.max(axis=1, initial=0.0) > self.options.floor_tolerance
         return Quadratic(total, gradient, normal, rows, row_lower, lacking, penetrates_floor, near)
@@ -187,13 +191,16 @@ class CostModel:
     def _costs(self, q: Floats, targets: ClipTargets) -> tuple[Floats, Floats, Floats]:
         """Return cost, gradient and normal matrix of the costs of single frames."""
         total, gradient, normal = self.problem.model(q, targets)
-        for cost in self.numeric:
-            for k in range(len(q) if cost.track.stencil == FRAME else 0):
-                if (found := cost.terms(q[k], targets.at(k), None, None)) is not None:
-                    total[k] += found[0]
-                    gradient[k] += found[1]
-                    normal[k] += found[2]
+        for k in range(len(q) if self.alone else 0):
+            for found in self.terms(q[k], targets.at(k)):
+                total[k] += found[0]
+                gradient[k] += found[1]
+                normal[k] += found[2]
         return total, gradient, normal
+
+    def terms(self, q: Floats, targets: EdgeTargets) -> list[Terms]:
+        """Return the terms of the numeric costs of one frame at a configuration (nq,)."""
+        return [found for each in self.alone if (found := each.terms(q, targets, None, None)) is not None]
 
     def _near(self, q: Floats, targets: ClipTargets, known: NearLinks | None) -> tuple[NearLinks, Floats]:
         """Return the links near each other, and their deficits (N, C) [m]; links measured nearby are extrapolated."""
@@ -223,7 +230,7 @@ class CostModel:
         """
         found = {each.track.name: np.zeros(len(q)) for each in (*self.surfaces, *self.numeric)}
         near = [each.near(q, targets) for each in self.surfaces]
-        lacking = np.array([self._lacking(each.largest_deficit(len(q))[:, None]) for each in near])
+        lacking = np.array([self.lacking(each.largest_deficit(len(q))[:, None]) for each in near])
         for k, each in enumerate(self.surfaces):
             worst = lacking.argmax(axis=0) == k
             found[each.track.name][worst] = self.options.overlap_cost * lacking[k, worst] ** 2
@@ -236,12 +243,15 @@ class CostModel:
 
     def _contacts(self, q: Floats, near: Sequence[LinearizedDistances]) -> list[ContactRows]:
         """Return the rows of surfaces near each other at each of the configurations (N, nq) at which they are measured."""
-        links, tolerance = NearLinks(q, self.most, self.robot.model.nv), self.options.tolerated * self.leg
+        links = NearLinks(q, self.most, self.robot.model.nv)
         links.put(np.arange(len(q)), q, LinearizedDistances.joined(near).foremost(self.most))
-        deficit = np.where(links.deficit > tolerance, links.deficit, np.minimum(links.deficit, 0.0))
-        return [ContactRows(*rows) for rows in zip(links.slope, deficit, strict=True)]
+        return [ContactRows(*rows) for rows in zip(links.slope, self.row_lower(links.deficit), strict=True)]
 
-    def _lacking(self, deficit: Floats) -> Floats:
+    def row_lower(self, deficit: Floats) -> Floats:
+        """Return the least change (…) of distances with deficits (…) [m]; a tolerated deficit asks for none."""
+        return np.where(deficit > self.options.tolerated * self.leg, deficit, np.minimum(deficit, 0.0))
+
+    def lacking(self, deficit: Floats) -> Floats:
         """Return (…) how much the nearest links lack beyond the tolerance, over the leg, from deficits (…, C) [m]."""
         return np.maximum(deficit.max(axis=-1, initial=0.0) - self.options.tolerated * self.leg, 0.0) / self.leg
 
@@ -252,7 +262,8 @@ class CostModel:
 
     def near(self, q: Floats, targets: EdgeTargets) -> LinearizedDistances:
         """Return the links near each other at a configuration (nq,)."""
-        return self._measured(q[None], targets.clip).foremost(self.most)
+        found = self._measured(q[None], targets.clip)
+        return found if len(found) <= self.most else found.foremost(self.most)
 
     def _measured(self, q: Floats, targets: ClipTargets) -> LinearizedDistances:
         """Return all links near each other at configurations (N, nq)."""
@@ -285,7 +296,7 @@ class CostModel:
         """The model with a proximal term on top."""
         if proximal is None:
             return current
-        change, weight = difference(self.robot, proximal.anchor, q) - proximal.offset, proximal.weight
+        change, weight = proximal.change(self.robot, q), proximal.weight
         normal = current.normal.copy()
         diagonal(normal)[:] += weight
         columns: dict[str, Any] = {
@@ -300,19 +311,20 @@ class CostModel:
         """The model with the costs that join frames with their neighbours on top."""
         if around is None or not self.offsets:
             return current
+        first = len(self.problem.inequalities)
         total = [current.cost.copy(), current.gradient.copy(), current.normal.copy()]
         for k, own in enumerate(around):
-            for found in self._joining(current, k, q[k], own) if own is not None else ():
+            contacts = ContactRows(current.rows[k, first:, :-1], current.row_lower[k, first:])
+            for found in self.joining(contacts, q[k], own) if own is not None else ():
                 for sums, part in zip(total, found, strict=True):
                     sums[k] += part
         return replace(current, cost=total[0], gradient=total[1], normal=total[2])
 
-    def _joining(self, current: Quadratic, k: int, q: Floats, around: Neighbours) -> Iterator[Terms]:
-        """Yield the terms that join one of the frames with its neighbours."""
-        first, past = len(self.problem.inequalities), around.past
-        contacts = ContactRows(current.rows[k, first:, :-1], current.row_lower[k, first:]) if self.surfaces else None
+    def joining(self, contacts: ContactRows, q: Floats, around: Neighbours) -> Iterator[Terms]:
+        """Yield the terms that join a frame at a configuration (nq,) with its neighbours."""
+        past, known = around.past, contacts if self.surfaces else None
         for cost in self.numeric if past is not None else ():
-            if cost.track.stencil != FRAME and (found := cost.terms(q, around.targets[0], past, contacts)) is not None:
+            if cost.track.stencil != FRAME and (found := cost.terms(q, around.targets[0], past, known)) is not None:
                 yield found
         for cost in self.problem.stencils:
             yield from cost.terms(q, around)
@@ -333,5 +345,5 @@ class CostModel:
 
 
 def diagonal(matrices: Floats) -> Floats:
-    """Return the view (N, n) of the diagonals of contiguous matrices (N, n, n)."""
-    return matrices.reshape(len(matrices), -1)[:, :: matrices.shape[1] + 1]
+    """Return the view (…, n) of the diagonals of contiguous matrices (…, n, n)."""
+    return matrices.reshape(*matrices.shape[:-2], -1)[..., :: matrices.shape[-1] + 1]

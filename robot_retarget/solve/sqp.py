@@ -15,6 +15,7 @@ from robot_retarget.robot.root import raise_root
 from robot_retarget.robot.swept import SweptConfiguration, parts_between
 from robot_retarget.solve.compiled import QuadraticPrograms
 from robot_retarget.solve.descent import Box, Descent, FrameSolution, TrustRegions
+from robot_retarget.solve.frame_model import frame_model
 from robot_retarget.solve.limits import JointBounds, Targets
 from robot_retarget.solve.options import SolveOptions
 from robot_retarget.solve.problem import ClipTargets, EdgeTargets, Problem
@@ -171,21 +172,20 @@ class FrameSolver:
 
         No step follows one that turns every hinge by less than `UNSEEN`.
         """
-        q, taken, status, base = start, 0, Status.OUT_OF_ITERATIONS, None
-        radius, damping = np.array([[self.options.trust_region], [self.options.damping]])
-        own, asked, proximal = box.clip, targets.clip, proximal and proximal.clip
+        q, taken, status, model = start, 0, Status.OUT_OF_ITERATIONS, None
+        radius, damping = self.options.trust_region, self.options.damping
         while taken < steps and status is Status.OUT_OF_ITERATIONS:
-            base = self.costs.linearize(q[None], asked)
-            current = self.costs.with_neighbours(self.costs.with_proximal(base, q[None], proximal), q[None], [around])
-            step, _, kept = self._steps(q[None], current, radius, damping, own)
-            if not kept[0]:
+            model = frame_model(self.costs, q, targets, proximal, around)
+            program = *self._curvature(model.gradient, model.normal, damping), *self._bounds(q, radius, box)
+            found, kept = self.programs.solve_frame(*program, model.rows, model.row_lower)
+            if not kept:
                 status = Status.BLOCKED
                 continue
-            q, taken = integrate(self.robot, q, step[0]), taken + 1
-            if np.abs(step[0, self._dofs]).max(initial=0.0) < UNSEEN:
+            q, taken = integrate(self.robot, q, found[:-1]), taken + 1
+            if np.abs(found[self._dofs]).max(initial=0.0) < UNSEEN:
                 status = Status.CONVERGED
-        assert base is not None
-        return self._closed(FrameSolution(q, status, float(base.cost[0]), taken, float(base.clearance_deficit[0])))
+        assert model is not None
+        return self._closed(FrameSolution(q, status, model.cost, taken, model.clearance_deficit))
 
     def _with_terms(self, descent: Descent, base: Quadratic, q: Floats, frames: Ints | None) -> Quadratic:
         """Return the model of frames at q with the terms of proximal and neighbours; of all frames by default."""
@@ -201,24 +201,36 @@ class FrameSolver:
 
         Returns also what links then lack (N,) over the leg, and whether the rows can be kept (N,).
         """
-        (count, nv), angle = current.gradient.shape, q[:, self._angles]
-        radius = radius[:, None]
-        upper = np.repeat(2 * radius, nv + 1, axis=1)
+        program = (
+            *self._curvature(current.gradient, current.normal, damping[:, None]),
+            *self._bounds(q, radius[:, None], box),
+        )
+        found, kept = self.programs.solve(*program, current.rows, current.row_lower)
+        return found[:, :-1], found[:, -1] / self.leg, kept
+
+    def _curvature(self, gradient: Floats, normal: Floats, damping: Floats | float) -> tuple[Floats, Floats]:
+        """Return the damped Hessian (…, nv + 1, nv + 1) and the gradient (…, nv + 1) with the slack of separation."""
+        nv = gradient.shape[-1]
+        hessian, slope = np.zeros((*gradient.shape[:-1], nv + 1, nv + 1)), np.zeros((*gradient.shape[:-1], nv + 1))
+        hessian[..., :nv, :nv], slope[..., :nv] = normal, gradient
+        diagonal(hessian)[..., :nv] += damping
+        hessian[..., nv, nv] = self.options.overlap_cost / self.leg**2
+        return hessian, slope
+
+    def _bounds(self, q: Floats, radius: Floats | float, box: Box) -> tuple[Floats, Floats]:
+        """Return the smallest and the largest step (…, nv + 1) within box and trust region, with that of the slack."""
+        upper, angle = np.empty((*q.shape[:-1], self.robot.model.nv + 1)), q[..., self._angles]
+        upper[:] = 2 * radius
         lower = -upper
-        lower[:, self._dofs] = (box.lower - angle).clip(-radius, radius)
-        upper[:, self._dofs] = (box.upper - angle).clip(-radius, radius)
-        lower[:, nv], upper[:, nv] = 0.0, np.inf
+        lower[..., self._dofs] = (box.lower - angle).clip(-radius, radius)
+        upper[..., self._dofs] = (box.upper - angle).clip(-radius, radius)
+        lower[..., -1], upper[..., -1] = 0.0, np.inf
         if box.root is not None:
             anchor, reach = box.root
-            moved = difference(self.robot, anchor, q)[:, self._root]
-            lower[:, self._root] = np.maximum(np.minimum(-reach - moved, 0.0), -2 * radius)
-            upper[:, self._root] = np.minimum(np.maximum(reach - moved, 0.0), 2 * radius)
-        hessian, gradient = np.zeros((count, nv + 1, nv + 1)), np.zeros((count, nv + 1))
-        hessian[:, :nv, :nv], gradient[:, :nv] = current.normal, current.gradient
-        diagonal(hessian)[:, :nv] += damping[:, None]
-        hessian[:, nv, nv] = self.options.overlap_cost / self.leg**2
-        found, kept = self.programs.solve(hessian, gradient, lower, upper, current.rows, current.row_lower)
-        return found[:, :nv], found[:, nv] / self.leg, kept
+            moved = difference(self.robot, anchor, q)[..., self._root]
+            lower[..., self._root] = np.maximum(np.minimum(-reach - moved, 0.0), -2 * radius)
+            upper[..., self._root] = np.minimum(np.maximum(reach - moved, 0.0), 2 * radius)
+        return lower, upper
 
     def _closed(self, pose: FrameSolution) -> FrameSolution:
         """Return the pose with closed chains and meshed gears; small steps then stay on the same branch."""
@@ -302,7 +314,8 @@ class FrameSolver:
 
     def raise_above_floor(self, pose: FrameSolution, targets: EdgeTargets) -> FrameSolution:
         """Return the pose with its root raised by its depth under the floor."""
-        return self.raised(pose, float(self.depths_under_floor(pose.qpos[None], targets.clip)[0]))
+        depth = float(self.problem.inequalities.depth(pose.qpos, targets))
+        return self.raised(pose, max(depth, float(self.costs.penetration(pose.qpos[None])[0])))
 
     def depths_under_floor(self, qpos: Floats, targets: ClipTargets) -> Floats:
         """Return the depths (T,) of the robot under the floor at configurations (T, nq) [m]."""

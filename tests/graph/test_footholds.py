@@ -20,7 +20,7 @@ from robot_retarget.graph.footholds import (
     footholds_of,
     median_pose,
     settled_heading,
-    sole_of,
+    soles_of,
     without_unreachable,
 )
 from robot_retarget.graph.soles import HEEL, TOE, flattened, lengths
@@ -309,10 +309,13 @@ def test_a_round_foot_on_its_toes_or_heel_has_their_corners_as_high_as_its_mesh_
     motion = read_motion(SAMPLES / "walk.bvh")
     human, matched = features_of(motion, match(motion, robot)), match(motion, robot)
     turn = Rotation.from_euler("y", way * pitch).as_matrix()
-    human = replace(human, segments=human.segments | {"l_foot": np.broadcast_to(turn, (len(human), 3, 3))})
-    held = np.zeros((len(human), 4), dtype=bool)
-    held[:, edge] = True
-    rises = sole_of(human, matched, robot, "l").rises(human, held)[0]
+    axes = human.axes.copy()
+    axes[:, human.calibration.segment_names.index("l_foot")] = turn
+    held = np.zeros((len(human), 2, 4), dtype=bool)
+    held[:, 0, edge] = True
+    soles = soles_of(human, matched, robot)
+    assert soles.feet[0] == "l"
+    rises = soles.rises(replace(human, axes=axes), held)[0, 0]
     heights = pitched_foot(robot, sole_corners(recognise(robot), "l").bodies[0], way * pitch)
     np.testing.assert_allclose(rises[edge], heights[edge], atol=2e-3)
     assert not rises[[k for k in range(4) if k not in edge]].any()
@@ -321,7 +324,7 @@ def test_a_round_foot_on_its_toes_or_heel_has_their_corners_as_high_as_its_mesh_
 def test_a_flat_foot_has_its_corners_on_the_floor() -> None:
     matched = match(walk().motion, load_robot("op3"))
     human = features_of(walk().motion, matched)
-    assert not sole_of(human, matched, load_robot("op3"), "l").rises(human, np.ones((len(human), 4), bool)).any()
+    assert not soles_of(human, matched, load_robot("op3")).rises(human, np.ones((len(human), 2, 4), bool)).any()
 
 
 def test_a_robot_that_is_bolted_to_the_world_has_no_footholds() -> None:

@@ -82,7 +82,7 @@ class RealTimeSolver:
         box = self.home.box(self._reachable(before, targets, self.pace * seconds), seconds)
         weight, kept = follower(options, seconds)
         anchor = integrate(self.robot, before, kept * seconds * self.velocity)
-        anchor[self.robot.qpos_index] = np.clip(anchor[self.robot.qpos_index], box.lower, box.upper)
+        anchor[self.robot.qpos_index] = anchor[self.robot.qpos_index].clip(box.lower, box.upper)
         inertia = self.solver.problem.limits.differences(targets, CAUSAL_DIFFERENCE).weight
         proximal = Proximal(anchor, np.zeros_like(self.velocity), weight * inertia)
         around = Neighbours({-1 - k: q for k, q in enumerate(self.before)}, {0: targets}, seconds)
