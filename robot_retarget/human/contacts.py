@@ -12,6 +12,8 @@ from robot_retarget.arrays import Bools, Floats, Ints, lengths
 from robot_retarget.human.match import Match
 from robot_retarget.human.stance import StanceRule, standing, without_flicker
 
+DOWN = np.array([-1.0, 1.0])
+"""Sign of the slope of a foot's forward whose toe, or heel, points down."""
 PARTS = ("toe", "ankle")
 """Keypoints of a foot, in the order of the columns of a schedule."""
 TILT = 0.5
@@ -60,10 +62,10 @@ def on_soles(contacts: dict[str, Bools], segments: dict[str, Floats]) -> dict[st
         segments: axes of the body, with (T, 3, 3) per foot that is known.
     """
     borne = dict(contacts)
-    for foot in contacts.keys() & {name[0] for name in segments if name.endswith("_foot")}:
-        ahead, up = (segments[f"{foot}_foot"][:, 2, axis] for axis in (0, 2))
-        below = np.stack([-ahead, ahead], axis=1)
-        borne[foot] = contacts[foot] & ((below > TILT) | (up > TILT)[:, None])
+    for foot, stands in contacts.items():
+        if (axes := segments.get(f"{foot}_foot")) is not None:
+            ahead, up = axes[:, 2, :1], axes[:, 2, 2:]
+            borne[foot] = stands & (np.maximum(ahead * DOWN, up) > TILT)
     return borne
 
 

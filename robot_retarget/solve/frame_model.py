@@ -43,7 +43,7 @@ def frame_model(
     """
     cost, gradient, normal = costs.problem.model(q, targets)
     slope, deficit = costs.problem.inequalities.rows(q, targets)
-    near = costs.near(q, targets)
+    near = costs.measured(q[None], targets.clip)
     apart, lacking = costs.row_lower(near.deficit), float(costs.lacking(near.deficit))
     own = costs.terms(q, targets)
     joining = costs.joining(ContactRows(near.slope, apart), q, around) if around is not None and costs.offsets else ()

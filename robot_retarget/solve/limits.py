@@ -100,18 +100,23 @@ class ConstantLimits(JointLimits):
 
     def __init__(self, robot: Robot, tracks: Sequence[Track], columns: Mapping[str, slice]):
         super().__init__(robot, tracks, columns)
-        self._joints: JointBounds | None = None
-        self._costs: dict[tuple[int, ...], Differences] = {}
+        self._bounds_of: dict[tuple[int, ...], JointBounds] = {}
+        self._costs_of: dict[tuple[tuple[int, ...], tuple[int, ...]], Differences] = {}
+        """By the shape of the targets, and by the stencil."""
 
     def bounds(self, targets: Targets) -> JointBounds:
-        if self._joints is None:
-            self._joints = super().bounds(targets)
-        return self._joints
+        """Return the bounds of each hinge."""
+        shape = targets.lower.shape
+        if shape not in self._bounds_of:
+            self._bounds_of[shape] = super().bounds(targets)
+        return self._bounds_of[shape]
 
     def differences(self, targets: Targets, stencil: tuple[int, ...]) -> Differences:
-        if stencil not in self._costs:
-            self._costs[stencil] = super().differences(targets, stencil)
-        return self._costs[stencil]
+        """Return the costs on differences of joint coordinates over a stencil."""
+        key = targets.lower.shape, stencil
+        if key not in self._costs_of:
+            self._costs_of[key] = super().differences(targets, stencil)
+        return self._costs_of[key]
 
 
 def _indices(names: Sequence[str], track: Track) -> Ints | slice:

@@ -211,7 +211,7 @@ class CostModel:
             near, moved = known, difference(self.robot, known.qpos, q)
             stale = np.flatnonzero(np.abs(moved).max(axis=1) >= self.options.distance_cache_radius)
         if self.surfaces and stale.size:
-            near.put(stale, q[stale], self._measured(q[stale], targets.frames(stale)).foremost(self.most))
+            near.put(stale, q[stale], self.measured(q[stale], targets.frames(stale)).foremost(self.most))
             moved[stale] = 0.0
         return near, near.deficit - np.einsum("tcv,tv->tc", near.slope, moved)
 
@@ -262,10 +262,9 @@ class CostModel:
 
     def near(self, q: Floats, targets: EdgeTargets) -> LinearizedDistances:
         """Return the links near each other at a configuration (nq,)."""
-        found = self._measured(q[None], targets.clip)
-        return found if len(found) <= self.most else found.foremost(self.most)
+        return self.measured(q[None], targets.clip).foremost(self.most)
 
-    def _measured(self, q: Floats, targets: ClipTargets) -> LinearizedDistances:
+    def measured(self, q: Floats, targets: ClipTargets) -> LinearizedDistances:
         """Return all links near each other at configurations (N, nq)."""
         return LinearizedDistances.joined([each.near(q, targets) for each in self.surfaces])
 
@@ -280,14 +279,14 @@ class CostModel:
             return
         ways = [(k, way.share, way.at(self.robot, q[t])) for k, t in enumerate(frames.tolist()) for way in between[t]]
         owner, share = np.array([way[0] for way in ways]), np.array([way[1] for way in ways])
-        there = self._measured(np.array([way[2] for way in ways]), targets.frames(frames[owner]))
+        there = self.measured(np.array([way[2] for way in ways]), targets.frames(frames[owner]))
         there = replace(
             there,
             frame=owner[there.frame],
             slope=share[there.frame, None] * there.slope,
             bound=np.minimum(there.bound, 0.0),
         )
-        found = LinearizedDistances.joined([self._measured(q[frames], targets.frames(frames)), there])
+        found = LinearizedDistances.joined([self.measured(q[frames], targets.frames(frames)), there])
         near = NearLinks(q[frames], self.most, self.robot.model.nv)
         near.put(np.arange(len(frames)), q[frames], found.foremost(self.most))
         deficit[frames], rows[frames, :, :-1], rows[frames, :, -1] = near.deficit, near.slope, np.isfinite(near.deficit)
