@@ -14,7 +14,7 @@ from robot_retarget.arrays import Floats, Ints
 from robot_retarget.robot.geoms import solid_geoms
 from robot_retarget.robot.links import local_points
 from robot_retarget.robot.model import Robot
-from robot_retarget.robot.placed import GeomDistances, Placed, joined
+from robot_retarget.robot.placed import GeomDistances, Placed
 
 FLOOR = -1
 """Geom id of the floor."""
@@ -37,50 +37,51 @@ class Floor:
         """Watch the solid geoms of all links but the `feet` within `reach` [m]."""
         solid = [g for link, own in solid_geoms(robot).items() if link not in feet for g in own]
         self.reach, self.geoms = reach, np.array(sorted(solid), dtype=np.int64)
-        self.middle, self.half = np.asarray(model.geom_aabb)[self.geoms].reshape(-1, 2, 3).transpose(1, 0, 2)
+        reached = np.asarray(model.geom_rbound)[self.geoms]
+        self.reached: Floats = np.where(reached > 0, reached, np.inf)
+        """(G,) largest distances of the geoms' points from their origins [m]; MuJoCo gives 0 for geoms without an end."""
         self.shapes: list[tuple[Floats, float]] = [_rounded(model, int(geom)) for geom in self.geoms]
 
-    def near(self, placed: Placed) -> GeomDistances:
-        """Return the points within reach of the floor."""
-        return joined([self._points(k, frames, placed) for k, frames in self._below(placed, self.reach)])
+    def near(self, placed: Placed) -> list[GeomDistances]:
+        """Return the points of each geom within reach of the floor."""
+        return [self._points(k, frames, placed) for k, frames, _ in self._below(placed, self.reach)]
 
     def depth(self, placed: Placed) -> Floats:
         """Return the depths (N,) of the deepest points under the floor [m], 0 if all points are above it."""
         depth = np.zeros(len(placed))
-        for k, frames in self._below(placed, 0.0):
-            lowest = self._places(k, frames, placed)[0][..., 2].min(axis=1)
+        for _, frames, lowest in self._below(placed, 0.0):
             depth[frames] = np.maximum(depth[frames], -lowest)
         return depth
 
-    def _below(self, placed: Placed, height: float) -> Iterator[tuple[int, Ints]]:
-        """Yield which geoms are in boxes that come lower than a height [m], in which configurations.
+    def _below(self, placed: Placed, height: float) -> Iterator[tuple[int, Ints, Floats]]:
+        """Yield which geoms come lower than a height [m], in which configurations, and how low they come.
 
-        Of an axis u, the box comes down to z + u·c − |u|·h.
+        Balls about the geoms leave few of them, whose own points decide.
         """
-        up = placed.turns.take(self.geoms, axis=1)[:, :, 6:]
-        lowest = np.einsum("ngi,gi->ng", up, self.middle) - np.einsum("ngi,gi->ng", np.abs(up), self.half)
-        below = lowest + placed.positions.take(self.geoms, axis=1)[:, :, 2] < height
-        for k in np.flatnonzero(below.any(axis=0)).tolist():
-            yield k, np.flatnonzero(below[:, k])
+        origin = placed.positions.take(self.geoms, axis=1)[:, :, 2]
+        frames, geoms = np.divmod(np.flatnonzero(origin - self.reached < height), len(self.geoms))
+        for k in sorted(set(geoms.tolist())):
+            own, (points, radius) = frames[geoms == k], self.shapes[k]
+            up = placed.turns[own, self.geoms[k], 6:]
+            lowest = (up @ points.T).min(axis=1) + origin[own, k] - radius
+            low = np.flatnonzero(lowest < height)
+            if low.size:
+                yield k, own[low], lowest[low]
 
     def _points(self, k: int, frames: Ints, placed: Placed) -> GeomDistances:
-        """Return the outermost places of a geom in configurations (F,), each once, that are within reach."""
-        place, outermost = self._places(k, frames, placed)
-        again = ((outermost[:, :, None] == outermost[:, None]) & _BEFORE).any(axis=2)
-        frame, which = (~again & (place[..., 2] < self.reach)).nonzero()
-        place, pair = place[frame, which], np.array([[FLOOR, self.geoms[k]]])
-        count = len(frame)
-        return GeomDistances(
-            frames[frame], place[:, 2].copy(), pair.repeat(count, 0), place, _UP[None].repeat(count, 0)
-        )
+        """Return the outermost places of a geom in configurations (F,) that are within reach, each once.
 
-    def _places(self, k: int, frames: Ints, placed: Placed) -> tuple[Floats, Ints]:
-        """The outermost places of a geom in configurations (F,), straight down and a little aside (F, 5, 3) [m], and which they are."""
-        points, radius = self.shapes[k]
-        geom = self.geoms[k]
+        They are outermost straight down and a little aside.
+        """
+        (points, radius), geom = self.shapes[k], self.geoms[k]
         turn, origin = placed.turns[frames, geom].reshape(-1, 3, 3), placed.positions[frames, geom]
         outermost = (_BELOW @ turn @ points.T).argmax(axis=2)
-        return points[outermost] @ turn.mT + (origin - radius * _UP)[:, None], outermost
+        place = points[outermost] @ turn.mT + (origin - radius * _UP)[:, None]
+        again = ((outermost[:, :, None] == outermost[:, None]) & _BEFORE).any(axis=2)
+        frame, which = (~again & (place[..., 2] < self.reach)).nonzero()
+        place, count = place[frame, which], len(frame)
+        pairs, up = np.array([[FLOOR, geom]]).repeat(count, axis=0), _UP[None].repeat(count, axis=0)
+        return GeomDistances(frames[frame], place[:, 2].copy(), pairs, place, up)
 
 
 def _rounded(model: mujoco.MjModel, geom: int) -> tuple[Floats, float]:

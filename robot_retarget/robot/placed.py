@@ -43,6 +43,8 @@ NOWHERE = GeomDistances(np.empty(0, int), np.empty(0), np.empty((0, 2), int), np
 
 def joined(parts: list[GeomDistances]) -> GeomDistances:
     """Return the places of several parts, one after the other."""
+    if len(parts) == 1:
+        return parts[0]
     columns = zip(*(vars(part).values() for part in parts or [NOWHERE]), strict=True)
     return GeomDistances(*map(np.concatenate, columns))
 

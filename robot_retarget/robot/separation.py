@@ -18,7 +18,7 @@ from robot_retarget.robot.floor import Floor
 from robot_retarget.robot.geoms import allowed, touchable
 from robot_retarget.robot.kinematics import carrying
 from robot_retarget.robot.model import Robot
-from robot_retarget.robot.placed import GeomDistances, Placed, views
+from robot_retarget.robot.placed import GeomDistances, Placed, joined, views
 
 STILL = 0.4
 """Share of the reach within which the floor is watched [-]: it does not move."""
@@ -89,15 +89,15 @@ class Separation:
         Returns:
             C places, and slopes of their distances by v (C, nv).
         """
-        placed, found = self._measured(qpos)
+        placed, parts = self._measured(qpos)
         if self.floor is not None:
-            found += self.floor.near(placed)
-        found = found.in_order()
+            parts += self.floor.near(placed)
+        found = joined(parts).in_order()
         return found, self._slopes(placed, found)
 
     def distances(self, qpos: Floats) -> GeomDistances:
         """Return all places where links are near each other at configurations (N, nq)."""
-        return self._measured(qpos)[1]
+        return joined(self._measured(qpos)[1])
 
     def _slopes(self, placed: Placed, found: GeomDistances) -> Floats:
         """Return (C, nv) slopes by v of distances, which are in order of the configurations.
@@ -109,7 +109,8 @@ class Separation:
         arm, along = found.place - centres, found.normal
         moment = (arm * along.take(_YZX, 1) - arm.take(_YZX, 1) * along).take(_YZX, 1)
         wrench, slope = np.concatenate([moment, along], axis=1), np.empty((len(found), self.model.nv))
-        for frame, (start, end) in enumerate(pairwise(np.searchsorted(found.frame, np.arange(len(placed) + 1)))):
+        ends = np.searchsorted(found.frame, np.arange(len(placed) + 1)).tolist()
+        for frame, (start, end) in enumerate(pairwise(ends)):
             np.matmul(wrench[start:end], placed.dofs[frame].T, out=slope[start:end])
         slope *= self.between.take(self.bodies.take(first) * self.model.nbody + self.bodies.take(second), axis=0)
         return slope
@@ -139,8 +140,8 @@ class Separation:
             return np.zeros(len(qpos))
         return self.floor.depth(Placed.at(self.model, self.data, qpos))
 
-    def _measured(self, qpos: Floats) -> tuple[Placed, GeomDistances]:
-        """Place the robot in configurations (N, nq); return also where links are near each other, boxes after the others."""
+    def _measured(self, qpos: Floats) -> tuple[Placed, list[GeomDistances]]:
+        """Place the robot in configurations (N, nq); return also where links are near each other, in parts."""
         placed, data, contacts = Placed.empty(self.model, len(qpos)), self.data, []
         columns = vars(placed).values()
         for k, q in enumerate(qpos):
@@ -153,10 +154,12 @@ class Separation:
             each = data.contact
             contacts.append((each.dist.copy(), each.geom.copy(), each.pos.copy(), each.frame[:, :3].copy()))
         frame = np.repeat(np.arange(len(qpos)), [len(each[0]) for each in contacts])
-        found = GeomDistances(frame, *map(np.concatenate, zip(*contacts, strict=True)))
+        found = GeomDistances(
+            frame, *(contacts[0] if len(contacts) == 1 else map(np.concatenate, zip(*contacts, strict=True)))
+        )
         seen = self.seen.take(found.geoms @ (self.model.ngeom, 1))
         found = found if seen.all() else found[np.flatnonzero(seen)]
-        return placed, found + self.boxes.near(placed) if len(self.boxes.pairs) else found
+        return placed, [found, self.boxes.near(placed)] if len(self.boxes.pairs) else [found]
 
     def _watch(self, pairs: Ints) -> None:
         """Leave to `Boxes` those of some pairs of geoms (N, 2) that count and are two boxes."""

@@ -1,7 +1,7 @@
 """Links near each other at the frames of a clip: their distances, and which of them have rows."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,19 +47,26 @@ class LinearizedDistances:
         return LinearizedDistances(*(column[kept] for column in vars(self).values()))
 
     @staticmethod
+    def none(nv: int) -> "LinearizedDistances":
+        """Return no pairs."""
+        whole, real = np.zeros(0, int), np.zeros(0)
+        return LinearizedDistances(whole, real, np.zeros((0, nv)), real, whole)
+
+    @staticmethod
     def joined(parts: Sequence["LinearizedDistances"]) -> "LinearizedDistances":
         """Return the pairs of several measurements of the same configurations."""
         columns = zip(*(vars(part).values() for part in parts), strict=True)
         return parts[0] if len(parts) == 1 else LinearizedDistances(*map(np.concatenate, columns))
 
     def foremost(self, most: int) -> "LinearizedDistances":
-        """Return at most `most` rows of every configuration, in order of the configurations and of the distances.
+        """Return at most `most` rows of every configuration, in order of the configurations.
 
-        Where they are more, each counts once.
+        Where they are more, each counts once, and the nearest come first.
         """
-        found, counts = self.of(np.lexsort((self.distance, self.frame))), np.bincount(self.frame)
-        if counts.max(initial=0) <= most:
-            return found
+        counts = np.bincount(self.frame)
+        if counts.max(initial=0) <= most and (self.frame[1:] >= self.frame[:-1]).all():
+            return self
+        found = self.of(np.lexsort((self.distance, self.frame)))
         crowded = np.flatnonzero((counts > most)[found.frame])
         kept = np.ones(len(found), dtype=bool)
         kept[crowded[_repeated(found.of(crowded))]] = False
@@ -90,11 +97,22 @@ class NearLinks:
         for name in ("qpos", "deficit", "slope"):
             getattr(self, name)[frames] = getattr(other, name)[chosen]
 
+    @classmethod
+    def measured(cls, qpos: Floats, found: LinearizedDistances, most: int) -> "NearLinks":
+        """Return the links found at configurations (N, nq), at most `most` of each."""
+        near = cls(qpos, most, found.slope.shape[1])
+        near._fill(found.foremost(most))
+        return near
+
     def put(self, frames: Ints, qpos: Floats, found: LinearizedDistances) -> None:
-        """Store the links of frames (F,), at most C of each and in their order."""
-        first = np.searchsorted(found.frame, np.arange(len(frames)))
-        place = frames[found.frame], np.arange(len(found)) - first[found.frame]
+        """Store the links found at configurations (F, nq) of frames (F,), at most C of each."""
         self.qpos[frames], self.deficit[frames], self.slope[frames] = qpos, -np.inf, 0.0
+        found = found.foremost(self.deficit.shape[1])
+        self._fill(replace(found, frame=frames[found.frame]))
+
+    def _fill(self, found: LinearizedDistances) -> None:
+        """Store links, which are in order, at frames without any."""
+        place = found.frame, np.arange(len(found)) - np.searchsorted(found.frame, found.frame)
         self.deficit[place], self.slope[place] = found.deficit, found.slope
 
 

@@ -205,15 +205,14 @@ class CostModel:
     def _near(self, q: Floats, targets: ClipTargets, known: NearLinks | None) -> tuple[NearLinks, Floats]:
         """Return the links near each other, and their deficits (N, C) [m]; links measured nearby are extrapolated."""
         if known is None:
-            near, moved = NearLinks(q, self.most, self.robot.model.nv), np.zeros((len(q), self.robot.model.nv))
-            stale = np.arange(len(q))
-        else:
-            near, moved = known, difference(self.robot, known.qpos, q)
-            stale = np.flatnonzero(np.abs(moved).max(axis=1) >= self.options.distance_cache_radius)
+            near = NearLinks.measured(q, self.measured(q, targets), self.most)
+            return near, near.deficit.copy()
+        moved = difference(self.robot, known.qpos, q)
+        stale = np.flatnonzero(np.abs(moved).max(axis=1) >= self.options.distance_cache_radius)
         if self.surfaces and stale.size:
-            near.put(stale, q[stale], self.measured(q[stale], targets.frames(stale)).foremost(self.most))
+            known.put(stale, q[stale], self.measured(q[stale], targets.frames(stale)))
             moved[stale] = 0.0
-        return near, near.deficit - np.einsum("tcv,tv->tc", near.slope, moved)
+        return known, known.deficit - np.einsum("tcv,tv->tc", known.slope, moved)
 
     def cost(self, q: Floats, targets: EdgeTargets, past: Past | None = None) -> float:
         """The minimised cost of a frame at a configuration."""
@@ -243,8 +242,7 @@ class CostModel:
 
     def _contacts(self, q: Floats, near: Sequence[LinearizedDistances]) -> list[ContactRows]:
         """Return the rows of surfaces near each other at each of the configurations (N, nq) at which they are measured."""
-        links = NearLinks(q, self.most, self.robot.model.nv)
-        links.put(np.arange(len(q)), q, LinearizedDistances.joined(near).foremost(self.most))
+        links = NearLinks.measured(q, LinearizedDistances.joined(near), self.most)
         return [ContactRows(*rows) for rows in zip(links.slope, self.row_lower(links.deficit), strict=True)]
 
     def row_lower(self, deficit: Floats) -> Floats:
@@ -266,7 +264,8 @@ class CostModel:
 
     def measured(self, q: Floats, targets: ClipTargets) -> LinearizedDistances:
         """Return all links near each other at configurations (N, nq)."""
-        return LinearizedDistances.joined([each.near(q, targets) for each in self.surfaces])
+        found = [each.near(q, targets) for each in self.surfaces]
+        return LinearizedDistances.joined(found or [LinearizedDistances.none(self.robot.model.nv)])
 
     def _with_ways(self, q: Floats, between: Between, targets: ClipTargets, rows: Floats, deficit: Floats) -> None:
         """Fill in rows (N, C, nv + 1) and deficits (N, C) of frames with ways: of links there and on the ways.
@@ -287,8 +286,7 @@ class CostModel:
             bound=np.minimum(there.bound, 0.0),
         )
         found = LinearizedDistances.joined([self.measured(q[frames], targets.frames(frames)), there])
-        near = NearLinks(q[frames], self.most, self.robot.model.nv)
-        near.put(np.arange(len(frames)), q[frames], found.foremost(self.most))
+        near = NearLinks.measured(q[frames], found, self.most)
         deficit[frames], rows[frames, :, :-1], rows[frames, :, -1] = near.deficit, near.slope, np.isfinite(near.deficit)
 
     def with_proximal(self, current: Quadratic, q: Floats, proximal: Proximal | None) -> Quadratic:

@@ -15,7 +15,7 @@ from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.floor import FLOOR
 from robot_retarget.robot.kinematics import integrate
 from robot_retarget.robot.links import Links
-from robot_retarget.robot.placed import Placed
+from robot_retarget.robot.placed import Placed, joined
 from robot_retarget.robot.separation import STILL, Separation
 from robot_retarget.shipped import SAMPLES
 
@@ -67,7 +67,7 @@ def test_what_is_near_the_floor_is_as_near_as_mujoco_says(seed: int) -> None:
     qpos = fallen(robot, seed)
     separation.near(qpos)
     assert separation.floor is not None
-    near = separation.floor.near(Placed.of(separation.data))
+    near = joined(separation.floor.near(Placed.of(separation.data)))
     expected = {int(name.split()[1]): distance for name, distance in by_mujoco(robot, qpos).items()}
     here = least_of(near.geoms[:, 1], near.distance)
     assert len(expected) > 2
