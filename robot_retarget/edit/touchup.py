@@ -36,6 +36,9 @@ MISSED = 1.0
 FIXED = 2
 """Frames at the beginning of a window that stay: they keep position and velocity continuous."""
 
+EDITED = Smoothing(passes=8, closing=2.0)
+"""A touch-up is drawn to its smooth path less than a clip: the edges that were met before stay met."""
+
 
 @dataclass(frozen=True, eq=False)
 class EditResult:
@@ -83,8 +86,8 @@ def apply_edit(graph: RobotGraph, trajectory: Trajectory, edit: Edit) -> EditRes
         for t, w, k in zip(range(start, stop), shares, led, strict=True)
     ]
     fixed = 0 if start == 0 else min(FIXED, first - start)
-    clip = clip_of(solver, [track.at(slice(start, stop)) for track in tracks], Smoothing(), graph.fps, fixed)
-    poses = [pose.qpos for pose in clip_passes(clip, np.array(begin), Count(None, len(begin) * Smoothing().passes))]
+    clip = clip_of(solver, [track.at(slice(start, stop)) for track in tracks], EDITED, graph.fps, fixed)
+    poses = [pose.qpos for pose in clip_passes(clip, np.array(begin), Count(None, len(begin) * EDITED.passes))]
     qpos = np.array(trajectory.qpos)
     qpos[start:stop] = _faded(graph, known[start:stop], poses, 0 if stop == len(graph) else fading)
     done, window = trajectory.altered(qpos=qpos), slice(start, stop)

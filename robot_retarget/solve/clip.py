@@ -38,6 +38,9 @@ UNREACHED = 0.01
 LOOSE = 5e-4
 """A hard edge that misses its interval by more is solved again [m]."""
 
+FALLS = 0.9
+"""A miss of a hard edge falls if it is at most this share of the one before [-]."""
+
 
 @dataclass(frozen=True, eq=False)
 class ClipProblem:
@@ -321,10 +324,17 @@ def _interpenetrating(clip: ClipProblem, qpos: Floats, moved: Ints | None = None
 
 
 def _hard_edges_met(clip: ClipProblem, poses: list[FrameSolution], proximal: Proximal) -> list[FrameSolution]:
-    """Return the poses; those that miss a hard edge are solved to the end, because one step per pass may be too few."""
+    """Return the poses; those that miss a hard edge are solved to the end, because one step per pass may be too few.
+
+    Rounds go on at frames that miss less than before, and at their neighbours: other costs hold the rest.
+    """
+    before = np.full(len(poses), np.inf)
     for _ in range(ROUNDS):
         missed = clip.solver.problem.missed(_qpos(poses), clip.all_targets)
-        missing = clip.fixed + np.flatnonzero(missed[clip.fixed :] > LOOSE)
+        falls = missed < FALLS * before
+        near = falls | np.append(falls[1:], False) | np.append(False, falls[:-1])
+        missing = np.flatnonzero((missed > LOOSE) & near)
+        missing, before = missing[missing >= clip.fixed], missed
         if not missing.size:
             break
         poses = _solved_again(clip, poses, missing, proximal)
