@@ -29,6 +29,16 @@ def reversed_in_time(motion: rr.Motion) -> rr.Motion:
     return replace(motion, positions=motion.positions[::-1].copy(), rotations=turns)
 
 
+def backward(graph: rr.RobotGraph) -> list[Floats]:
+    """Return the poses of a stream over the reversed clip, in the order of the clip and on its path, which starts elsewhere."""
+    robot, turned = graph.robot, rr.describe(reversed_in_time(graph.motion), graph.robot)
+    qpos = np.array(list(rr.stream(robot, turned.motion)))[::-1].copy()
+    away = np.mean(graph.pelvis - turned.pelvis[::-1], axis=0)[:2]
+    if robot.floating:
+        qpos[:, robot.root_address : robot.root_address + 2] += away
+    return list(qpos)
+
+
 def cost_from(graph: rr.RobotGraph, path: Sequence[Floats] | None) -> float:
     """Return the cost of a clip whose passes start from a path, or from that of the search."""
     if path is None:
@@ -41,9 +51,7 @@ def costs(clip: Path, robot: rr.Robot) -> tuple[int, list[float]]:
     """Return the number of frames, and the costs from the three starts."""
     graph = rr.describe(rr.read_motion(clip), robot).unbalanced()
     motion = graph.motion
-    forward = list(rr.stream(robot, motion))
-    backward = list(rr.stream(robot, reversed_in_time(motion)))[::-1]
-    return len(graph), [cost_from(graph, path) for path in (None, forward, backward)]
+    return len(graph), [cost_from(graph, path) for path in (None, list(rr.stream(robot, motion)), backward(graph))]
 
 
 def main() -> None:
