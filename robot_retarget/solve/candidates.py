@@ -1,15 +1,13 @@
 """The candidate set: poses of a clip in several basins of attraction, and the cheapest path through them.
 
 An arm of three joints can follow a human arm in several ways, and a solver that works frame by frame stays in the basin
-in which it began. This module descends from several starts at moments spread over the clip. It follows each pose
-forward and backward at a low frame rate until it meets another pose, and chooses the path of least cost by dynamic
-programming.
+in which it began. This module descends from several starts at both ends of a clip, and from the reference pose at moments
+between them. It follows each pose forward and backward at a low frame rate until it meets another pose, and chooses the
+path of least cost by dynamic programming. Links that pass through each other between two moments make a way dear.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import islice
-from typing import Any
+from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -18,21 +16,26 @@ from scipy.spatial.transform import Rotation, RotationSpline
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.status import Status
-from robot_retarget.robot import Anatomy, Robot
-from robot_retarget.robot.anatomy import limb_hinges
-from robot_retarget.robot.kinematics import difference
-from robot_retarget.robot.mirror import mirror_of
+from robot_retarget.robot import Robot
+from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.model import HINGE
-from robot_retarget.robot.root import place_body
+from robot_retarget.robot.swept import SweptConfiguration
 from robot_retarget.solve.descent import Box, FrameSolution
 from robot_retarget.solve.options import Search
-from robot_retarget.solve.problem import ClipTargets, EdgeTargets
-from robot_retarget.solve.quadratic import Proximal
+from robot_retarget.solve.problem import ClipTargets
+from robot_retarget.solve.quadratic import Between, Proximal
 from robot_retarget.solve.speeds import within_speeds
 from robot_retarget.solve.sqp import FrameSolver
+from robot_retarget.solve.starts import descended, multistart, place_root, same_basin
 
-LIMBS = ("l_hand", "r_hand", "head")
-"""Ends of the limbs that change basins independently."""
+DEEP = 0.02
+"""Links that are deeper in each other on the way between two moments pass through each other, over the leg [-]."""
+
+PASSING = 0.3
+"""Links pass through each other only where a hinge turns by more between two moments [rad]."""
+
+SHARES = (0.2, 0.4, 0.6, 0.8)
+"""Shares of the way between two moments at which overlaps are measured [-]."""
 
 
 def coarse_path(
@@ -48,10 +51,9 @@ def coarse_path(
     beats = np.arange(0, len(graph), step)  # independent of known frames: every window seeks at the same ones
     frames = np.unique([start, *beats[beats > start], len(graph) - 1])
     found = Candidates(solver, graph, all_targets, frames, search)
-    stride = max(1, round(search.every * fps / step))
     if first:
         found.start_from(first[-1])
-    found.search(np.unique([*range(stride if first else 0, len(frames), stride), len(frames) - 1]))
+    found.search()
     found.bridge()
     path = found.cheapest()
     before = first[max(start - 2, 0) : start]
@@ -88,6 +90,7 @@ class Candidates:
         self.solver, self.graph, self.all_targets, self.search_options = solver, graph, all_targets, search
         self.frames, self.times = frames, frames / graph.fps
         self.poses: list[list[FrameSolution]] = [[] for _ in frames]
+        self.through: dict[tuple[FrameSolution, FrameSolution], float] = {}
         self.hinges, self.first = solver.robot.qpos_index, 0
         self.bounds = solver.problem.limits.bounds(all_targets)
 
@@ -98,18 +101,28 @@ class Candidates:
         self.first = 1
         self._follow([PoseChain(pose, 0, 1)])
 
-    def search(self, moments: Ints) -> None:
-        """Find poses of some moments and follow each to both sides, until it meets another or an end.
+    def search(self) -> None:
+        """Find the best poses of both ends, and those that the reference pose reaches between; follow each to both sides."""
+        last, search = len(self.frames) - 1, self.search_options
+        ends = [last] if self.first else [0, last][: len(self.frames)]
+        found = multistart(self.solver, self.graph, self.all_targets, self.frames[ends].tolist(), search)
+        stride = max(1, round(search.every / np.diff(self.times).max(initial=1 / search.rate)))
+        between = list(range(stride, last, stride))
+        self._start([*ends, *between], [*(poses[0] for poses in found), *self._reached(between)])
 
-        The first and the last of the moments are followed over the whole clip before the others.
-        """
-        frames, search = self.frames[moments].tolist(), self.search_options
-        found = multistart(self.solver, self.graph, self.all_targets, frames, search)
-        self._start(moments.tolist(), [ends[: search.followed] for ends in found])
+    def _reached(self, moments: list[int]) -> list[FrameSolution]:
+        """Return the ends of descents from the reference pose at moments."""
+        if not moments:
+            return []
+        frames, robot = self.frames[moments].tolist(), self.solver.robot
+        starts = [[place_root(self.graph, robot.neutral(), frame)] for frame in frames]
+        options = {"iterations": self.search_options.reached, "tolerance": self.search_options.tolerance}
+        found = descended(self.solver, self.all_targets, frames, starts, **options)
+        return [end for (end,) in found]
 
-    def _start(self, moments: list[int], found: list[list[FrameSolution]]) -> None:
+    def _start(self, moments: list[int], found: list[FrameSolution]) -> None:
         """Keep the poses found at moments that are in no known basin, and follow each to both sides."""
-        starts = [(pose, k) for k, poses in zip(moments, found, strict=True) for pose in poses if self._add(k, pose)]
+        starts = [(pose, k) for k, pose in zip(moments, found, strict=True) if self._add(k, pose)]
         self._follow([PoseChain(pose, moment, way) for pose, moment in starts for way in (1, -1)])
 
     def bridge(self) -> None:
@@ -128,8 +141,31 @@ class Candidates:
             self.poses[k].append(pose)
 
     def cheapest(self, beyond_speed: float | None = None) -> list[FrameSolution]:
+        """Return the path of least cost whose ways between moments keep links apart, where such a path is known."""
+        while True:
+            path = self._viterbi(self.search_options.beyond_speed if beyond_speed is None else beyond_speed)
+            new = [way for way in pairwise(path) if way not in self.through]
+            if not new:
+                return path
+            depth = self._depths(*(np.array([pose.qpos for pose in side]) for side in zip(*new, strict=True))).max(
+                axis=1
+            )
+            costs = self.search_options.through * np.where(depth > DEEP, depth, 0.0) ** 2
+            self.through |= zip(new, costs.tolist(), strict=True)
+
+    def _depths(self, before: Floats, after: Floats) -> Floats:
+        """Return the overlaps of links (N, S) at `SHARES` of the ways between configurations (N, nq), over the leg [-]."""
+        robot, found = self.solver.robot, np.zeros((len(before), len(SHARES)))
+        way = difference(robot, before, after)
+        far = np.abs(way[:, robot.dof_index]).max(axis=1, initial=0.0) > PASSING
+        if far.any():
+            every = np.repeat(before[far], len(SHARES), axis=0)
+            turned = (way[far][:, None] * np.array(SHARES)[:, None]).reshape(len(every), -1)
+            found[far] = self.solver.costs.overlap(integrate(robot, every, turned)).reshape(-1, len(SHARES))
+        return found / self.solver.leg
+
+    def _viterbi(self, beyond: float) -> list[FrameSolution]:
         """Return Viterbi's path: the least sum of the moments' costs and of the changes between them."""
-        beyond = self.search_options.beyond_speed if beyond_speed is None else beyond_speed
         total = np.array([p.cost for p in self.poses[0]])
         back: list[np.ndarray] = []
         for k in range(1, len(self.poses)):
@@ -148,7 +184,8 @@ class Candidates:
             [difference(robot, before, np.broadcast_to(pose.qpos, before.shape)) for pose in self.poses[k]], 1
         )
         beyond = np.maximum(np.abs(turned[..., robot.dof_index]) - self._reach(k - 1, k), 0.0)
-        return self.search_options.change * (turned**2).sum(axis=2) + beyond_speed * (beyond**2).sum(axis=2)
+        through = [[self.through.get((one, other), 0.0) for other in self.poses[k]] for one in self.poses[k - 1]]
+        return self.search_options.change * (turned**2).sum(axis=2) + beyond_speed * (beyond**2).sum(axis=2) + through
 
     def _follow(self, chains: "list[PoseChain]") -> None:
         """Take all chains from moment to moment, within the angles that the joints reach, until they meet known poses."""
@@ -157,9 +194,22 @@ class Candidates:
             near = [(c.pose.qpos[self.hinges], self._reach(c.moment, m)) for c, m in zip(chains, moments, strict=True)]
             angles, reach = (np.array(side) for side in zip(*near, strict=True))
             box = self._ranges(np.array(moments)).around([(angles, reach)])
-            found = self._descend(np.array([chain.pose.qpos for chain in chains]), np.array(moments), box)
+            found = self._around_links(chains, np.array(moments), box)
             steps = [self._longer(*each) for each in zip(chains, moments, found, strict=True)]
             chains = [chain for chain in steps if chain is not None]
+
+    def _around_links(self, chains: "list[PoseChain]", moments: Ints, box: Box) -> list[FrameSolution]:
+        """Return the next poses of chains; where links pass through each other on the way, they go around."""
+        start = np.array([chain.pose.qpos for chain in chains])
+        found = self._descend(start, moments, box)
+        depths = self._depths(start, np.array([pose.qpos for pose in found]))
+        through = np.flatnonzero(depths.max(axis=1) > DEEP)
+        if through.size:
+            ways = [(SweptConfiguration(start[k], SHARES[depths[k].argmax()]),) for k in through]
+            again = self._descend(start[through], moments[through], box.at(through), ways)
+            for k, pose in zip(through, again, strict=True):
+                found[k] = pose
+        return found
 
     def _longer(self, chain: PoseChain, moment: int, pose: FrameSolution) -> PoseChain | None:
         """Keep the next pose of a chain; return the chain, or None where it meets a known pose.
@@ -185,8 +235,8 @@ class Candidates:
         frames = self.frames[moments]
         return Box(self.bounds.lower[frames], self.bounds.upper[frames])
 
-    def _descend(self, qpos: Floats, moments: Ints, box: Box) -> list[FrameSolution]:
-        """Return the ends of rough descents from configurations (N, nq); hinges stay in a box.
+    def _descend(self, qpos: Floats, moments: Ints, box: Box, between: Between | None = None) -> list[FrameSolution]:
+        """Return the ends of rough descents from configurations (N, nq); hinges stay in a box, links apart on given ways.
 
         A change from the configurations has a small cost, which fixes directions without other costs.
         """
@@ -203,6 +253,7 @@ class Candidates:
             iterations=search.iterations,
             tolerance=search.tolerance,
             box=box,
+            between=between,
         )
 
     def _add(self, moment: int, pose: FrameSolution) -> bool:
@@ -214,135 +265,6 @@ class Candidates:
                 return False
         known.append(pose)
         return True
-
-
-def multistart(
-    solver: FrameSolver, graph: RobotGraph, all_targets: ClipTargets, frames: Sequence[int], search: Search
-) -> list[list[FrameSolution]]:
-    """Return per frame the minima that descents from several starts reach, the cheapest first.
-
-    Of several ends in one basin, that of the first start is kept.
-
-    Ends in one basin differ by their tolerance, and so would the choice of the cheapest of them.
-
-    The starts are the reference pose, the standing pose, and standing poses with drawn limbs. Each limb is drawn many
-    times within its ranges, and the draws are sorted by cost: the first start has the best draw of each limb, the
-    second start the second best, and so on.
-    """
-    limbs, placed = limb_starts(solver, search), []
-    for frame in frames:
-        reference, standing = (place_root(graph, q, frame) for q in (solver.robot.neutral(), solver.robot.standing()))
-        drawn = _limbs_drawn(solver, standing, all_targets.at(frame), limbs, search)
-        placed.append([reference, standing, *(solver.clear_of_links(standing, q) for q in drawn)])
-    rough, exact = 10 * search.tolerance, search.tolerance
-    roughly = descended(solver, all_targets, frames, placed, iterations=search.rough, tolerance=rough)
-    starts = []
-    for frame, ends in zip(frames, roughly, strict=True):
-        minima = _minima(solver, ends, search)[: search.finished]
-        combined = _limbs_combined(solver, minima, all_targets.at(frame), limbs)
-        starts.append([combined, *(end.qpos for end in minima)])
-    most = solver.options.iterations
-    return [
-        _minima(solver, ends, search)
-        for ends in descended(solver, all_targets, frames, starts, iterations=most, tolerance=exact)
-    ]
-
-
-def _limbs_combined(
-    solver: FrameSolver, ends: Sequence[FrameSolution], targets: EdgeTargets, limbs: Iterable[tuple[int, ...]]
-) -> Floats:
-    """Return the first of some poses with each limb as the one of them has it in which the first costs least."""
-    combined = ends[0].qpos.copy()
-    for limb in limbs:
-        columns = solver.robot.qpos_index[list(limb)]
-        poses = np.repeat(ends[0].qpos[None], len(ends), axis=0)
-        poses[:, columns] = [end.qpos[columns] for end in ends]
-        cost = solver.problem.cost(poses, targets.clip.frames(np.zeros(len(poses), dtype=int)))
-        combined[columns] = poses[cost.argmin(), columns]
-    return combined
-
-
-def descended(
-    solver: FrameSolver,
-    all_targets: ClipTargets,
-    frames: Sequence[int],
-    starts: Sequence[Sequence[Floats]],
-    **options: Any,
-) -> list[list[FrameSolution]]:
-    """Return where descents end, in the order of their starts at some frames."""
-    every = all_targets.frames(np.repeat(frames, [len(own) for own in starts]))
-    found = iter(solver.solve_frames(np.concatenate(starts), every, **options))
-    return [list(islice(found, len(own))) for own in starts]
-
-
-def _minima(solver: FrameSolver, ends: list[FrameSolution], search: Search) -> list[FrameSolution]:
-    """Return one end of every basin, the cheapest first."""
-    minima: list[FrameSolution] = []
-    for end in ends:
-        if not any(same_basin(solver, end, other, search) for other in minima):
-            minima.append(end)
-    return sorted(minima, key=lambda end: end.cost)
-
-
-def same_basin(solver: FrameSolver, first: FrameSolution, second: FrameSolution, search: Search) -> bool:
-    """Return whether all hinges of two poses differ by no more than the basin threshold `Search.same`."""
-    hinges = solver.robot.qpos_index
-    return bool(np.abs(first.qpos - second.qpos)[hinges].max(initial=0.0) < search.same)
-
-
-def _limbs_drawn(
-    solver: FrameSolver, base: Floats, targets: EdgeTargets, limbs: Mapping[tuple[int, ...], Floats], search: Search
-) -> list[Floats]:
-    """Return poses with the best draw of each limb, the second best, and so on."""
-    best = [base.copy() for _ in range(search.starts)]
-    for limb, angles in limbs.items():
-        columns = solver.robot.qpos_index[list(limb)]
-        poses = np.repeat(base[None], len(angles), axis=0)
-        poses[:, columns] = angles
-        cost = solver.problem.cost(poses, targets.clip.frames(np.zeros(len(poses), dtype=int)))
-        for start, k in zip(best, np.argsort(cost, kind="stable"), strict=False):
-            start[columns] = angles[k]
-    return best
-
-
-def limb_starts(solver: FrameSolver, search: Search) -> dict[tuple[int, ...], Floats]:
-    """Return per limb the angles (drawn, n) to try [rad]; the right arm tries the mirror images of the left arm's.
-
-    The name of its end seeds the draws of a limb, and its hinges are drawn along the chain, so that the order in which a
-    model lists its bodies does not matter.
-    """
-    robot, anatomy = solver.robot, solver.problem.match.anatomy
-    limbs = {end: limb_hinges(robot, anatomy, end) for end in LIMBS if end in anatomy.sites}
-    every = np.zeros((search.drawn, len(robot.lower)))
-    for end, limb in limbs.items():
-        draws = np.random.default_rng(list(end.encode())).random((search.drawn, len(limb)))
-        every[:, limb] = robot.lower[limb] + draws * (robot.upper - robot.lower)[limb]
-    mirror = mirror_of(robot, _left(robot, anatomy.forward))
-    other = np.clip(mirror.angles(every), robot.lower, robot.upper)
-    chosen = {"l_hand": every, "r_hand": other, "head": (every + other) / 2}
-    return {
-        tuple(limb.tolist()): (chosen[end] if (mirror.partner[limb] >= 0).all() else every)[:, limb]
-        for end, limb in limbs.items()
-        if limb.size
-    }
-
-
-def _left(robot: Robot, forward: Floats) -> Floats:
-    """Return the direction of the robot's left in its reference pose."""
-    return np.cross([0.0, 0.0, 1.0], forward)
-
-
-def place_root(graph: RobotGraph, qpos: Floats, frame: int) -> Floats:
-    """Return a pose with its root turned and moved so that the pelvis has its target position and heading."""
-    return with_root(graph.robot, graph.match.anatomy, qpos, graph.pelvis[frame], graph.human.facing[frame])
-
-
-def with_root(robot: Robot, anatomy: Anatomy, qpos: Floats, pelvis: Floats, facing: Floats) -> Floats:
-    """Return a pose with its root moved so that the pelvis is at a position (3,) [m] with a rotation (3, 3)."""
-    body, axes = anatomy.frames.get("pelvis", (robot.root_body, np.eye(3)))
-    site = anatomy.sites.get("pelvis")
-    offset = site.offset if site is not None and site.body == body else np.zeros(3)
-    return place_body(robot, qpos, body, offset, pelvis, facing @ axes.T)
 
 
 def interpolated(robot: Robot, frames: np.ndarray, poses: list[Floats], before: list[Floats]) -> list[Floats]:

@@ -7,11 +7,11 @@ from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.progress import Count
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
-from robot_retarget.solve.candidates import multistart
 from robot_retarget.solve.descent import Box, FrameSolution
 from robot_retarget.solve.options import Search
 from robot_retarget.solve.problem import targets_of
 from robot_retarget.solve.sqp import FrameSolver
+from robot_retarget.solve.starts import multistart
 
 
 def causal_poses(solver: FrameSolver, graph: RobotGraph, search: Search, count: Count) -> list[FrameSolution]:

@@ -41,32 +41,34 @@ class Search:
 
     rate: float = 10.0
     """Moments per second [1/s]."""
-    every: float = 1.0
-    """Time between the moments at which candidates are sought [s]."""
+    every: float = 0.3
+    """Time between the moments at which a descent begins in the reference pose [s] ..."""
+    reached: int = 12
+    """... and maximum number of its steps."""
     starts: int = 8
-    """Number of starts with limbs drawn within their ranges, in addition to the reference and the standing pose."""
+    """Number of starts at both ends with limbs drawn within their ranges, in addition to the reference and the standing pose."""
     rough: int = 4
     """Maximum number of steps of every start ..."""
     finished: int = 4
     """... and number of the cheapest ends that continue."""
-    followed: int = 1
-    """Number of poses of a moment that are followed, the cheapest first."""
     drawn: int = 80
     """Number of poses drawn per limb for these starts."""
-    iterations: int = 10
+    iterations: int = 6
     """Maximum number of steps to follow a candidate to the next moment."""
-    tolerance: float = 1e-3
+    tolerance: float = 2e-3
     """As `SolveOptions.tolerance`: a path is chosen before poses are exact."""
     same: float = 0.15
     """Two poses count as the same if all their hinges lie nearer than this [rad]."""
-    held: float = 0.02
+    held: float = 0.03
     """Weight that draws a pose to that of the moment before when it is followed [1/rad²]."""
     abandoned: float = 4.0
     """A pose is followed until the cost beyond the cheapest poses' exceeds the cost of a change to these by this factor [-]."""
     change: float = 0.5
     """Cost of a change of pose between moments [1/rad²] ..."""
     beyond_speed: float = 30.0
-    """... and additional cost of the hinge angles beyond their speeds [1/rad²]."""
+    """... and additional cost of the hinge angles beyond their speeds [1/rad²] ..."""
+    through: float = 2000.0
+    """... and of the depth of links that pass through each other, over the squared leg [-]."""
 
 
 @dataclass(frozen=True)

@@ -15,11 +15,11 @@ import numpy as np
 import robot_retarget as rr
 from robot_retarget.arrays import Floats
 from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.candidates import multistart
 from robot_retarget.solve.options import Search
 from robot_retarget.solve.problem import targets_of
 from robot_retarget.solve.solve import problem_of, solve_graph
 from robot_retarget.solve.sqp import FrameSolver
+from robot_retarget.solve.starts import multistart
 
 STARTS = 12
 """Per frame: the reference and the standing pose, the others drawn."""

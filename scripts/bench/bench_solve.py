@@ -29,13 +29,14 @@ from robot_retarget.solve import causal as causal_module
 from robot_retarget.solve import clip as clip_module
 from robot_retarget.solve import quadratic as quadratic_module
 from robot_retarget.solve import sqp as sqp_module
-from robot_retarget.solve.candidates import coarse_path, place_root
+from robot_retarget.solve.candidates import coarse_path
 from robot_retarget.solve.compiled import Mapped, QuadraticPrograms
 from robot_retarget.solve.options import Smoothing
 from robot_retarget.solve.problem import Problem, build_problem
 from robot_retarget.solve.quadratic import CostModel
 from robot_retarget.solve.solve import solve_graph
 from robot_retarget.solve.sqp import FrameSolver
+from robot_retarget.solve.starts import place_root
 
 SHARED = Path(__file__).resolve().parents[3] / "shared"
 G1 = SHARED / "robots/unitree_g1/unitree_g1.xml"

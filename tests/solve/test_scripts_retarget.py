@@ -11,8 +11,8 @@ import pytest
 import robot_retarget as rr
 from robot_retarget.robot import world_points
 from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.candidates import place_root
 from robot_retarget.solve.options import Smoothing
+from robot_retarget.solve.starts import place_root
 
 SCRIPTS = Path(__file__).resolve().parents[2] / "scripts" / "bench"
 

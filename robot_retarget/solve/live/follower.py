@@ -19,7 +19,6 @@ from robot_retarget.robot import Points, Robot
 from robot_retarget.robot.feet import CORNERS, sole_corners
 from robot_retarget.robot.kinematics import Bodies
 from robot_retarget.scene.scene import Scene
-from robot_retarget.solve.candidates import with_root
 from robot_retarget.solve.compiled import Compiled
 from robot_retarget.solve.descent import FrameSolution
 from robot_retarget.solve.live.lag import FixedLag, SolvedFrame
@@ -27,6 +26,7 @@ from robot_retarget.solve.live.realtime import RealTimeSolver
 from robot_retarget.solve.options import RealTime
 from robot_retarget.solve.problem import EdgeTargets, Problem, build_problem
 from robot_retarget.solve.sqp import FrameSolver
+from robot_retarget.solve.starts import with_root
 
 FIRST = 1 / 30
 """Assumed duration of the first frame [s]."""
