@@ -196,7 +196,7 @@ def carried(
     return solve(
         describe(motion, robot, fps=fps, weights=exact, preset=preset, kinds=kinds),
         options=SolveOptions(tolerance=EXACT * SolveOptions.tolerance),
-        smoothing=Smoothing(proximal=EXACT * Smoothing.proximal),
+        smoothing=Smoothing(passes=8, proximal=EXACT * Smoothing.proximal, closing=1.0),
         legs=legs,
         balance=balance,
         progress=progress,

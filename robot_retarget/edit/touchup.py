@@ -36,7 +36,7 @@ MISSED = 1.0
 FIXED = 2
 """Frames at the beginning of a window that stay: they keep position and velocity continuous."""
 
-EDITED = Smoothing(passes=8, closing=2.0)
+EDITED = Smoothing(passes=8, closing=1.7)
 """A touch-up is drawn to its smooth path less than a clip: the edges that were met before stay met."""
 
 

@@ -109,9 +109,9 @@ class RealTime:
 class Smoothing:
     """Options of a whole clip: the alternating direction method of multipliers between frames and a smooth path."""
 
-    passes: int = 5
+    passes: int = 6
     """Number of steps of every frame; 0 solves frame by frame."""
-    proximal: float = 20.0
+    proximal: float = 24.0
     """ρ, the weight that draws a frame to the smooth path [1/rad²]: half of it takes half the passes, but a far start
     then overshoots."""
     closing: float = 10.0
