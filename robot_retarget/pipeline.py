@@ -190,7 +190,7 @@ def carried(
     """Carry the motion of a robot performer over to a robot, as `transfer`; with balance, smoothness has its weight."""
     given = weights or Weights()
     planned = balance_of(robot, legs, balance) != "off"
-    calm = {} if planned else {"smooth": EXACT * given.smooth, "smooth_root": 1.0}
+    calm = {} if planned else {"smooth": EXACT * given.smooth, "smooth_root": 1.0, "smooth_turn": 1.0}
     exact = replace(given, **calm, rest=EXACT * given.rest, swing=0.0)
     kinds = [kind.for_robot() for kind in KINDS]
     return solve(

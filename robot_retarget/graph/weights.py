@@ -64,10 +64,12 @@ class Weights:
     """... and wrists, if no marker shows the rotation of a hand [1/rad²]."""
     swing: float = path
     """A swing foot at its reference, as the pelvis on its path."""
-    smooth: float = 20.0
+    smooth: float = 21.0
     """Squared second differences of the joints at `REFERENCE_FPS` [1/rad²]."""
-    smooth_root: float = 50.0
-    """Factor for the root, per rad² and per m²: legs absorb what would accelerate the whole body [-]."""
+    smooth_root: float = 80.0
+    """Factor for the place of the root: legs absorb what would accelerate the whole body [rad²/m²] ..."""
+    smooth_turn: float = 50.0
+    """... and for its rotation [-]."""
     inertia_root: float = 5.0
     """Factor for the root in streams, where inertia delays [-]."""
 

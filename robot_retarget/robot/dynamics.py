@@ -30,6 +30,13 @@ def root_dofs(robot: Robot) -> Ints:
     return np.flatnonzero(np.isin(robot.model.dof_jntid, robot.root_joints))
 
 
+def root_travel(robot: Robot) -> Ints:
+    """Return the indices in qvel of the directions along which the root travels; it turns about the others."""
+    kinds, own = robot.model.jnt_type[robot.model.dof_jntid], root_dofs(robot)
+    first = own - robot.model.jnt_dofadr[robot.model.dof_jntid[own]]
+    return own[(kinds[own] == mujoco.mjtJoint.mjJNT_SLIDE) | ((kinds[own] == mujoco.mjtJoint.mjJNT_FREE) & (first < 3))]
+
+
 def velocities(robot: Robot, qpos: Floats, fps: float) -> Floats:
     """(T, nv) by central differences of configurations (T, nq), one-sided at the ends.
 

@@ -13,6 +13,7 @@ from robot_retarget.graph.describe import describe
 from robot_retarget.motion import Motion, read_motion
 from robot_retarget.pipeline import retarget
 from robot_retarget.robot import Robot, load_robot
+from robot_retarget.robot.dynamics import root_travel
 from robot_retarget.robot.kinematics import body_frames, integrate
 from robot_retarget.robot.model import robot_from_model
 from robot_retarget.robot.root import place_body, raise_root
@@ -44,6 +45,20 @@ def carried_by(root: str) -> Robot:
             body.add_joint(name=f"root_{kind}_{k}", type=getattr(mujoco.mjtJoint, f"mjJNT_{kind.upper()}"), axis=axis)
     made = robot_from_model(spec.compile(), op3.path, root)
     return replace(made, max_speed=op3.max_speed, max_torque=op3.max_torque)  # its servos are known by its name
+
+
+@pytest.mark.parametrize("root", ["free", "single", "none"])
+def test_a_root_travels_along_the_directions_that_move_it_without_a_turn(root: str) -> None:
+    robot = carried_by(root)
+    count = robot.model.nv - len(robot.dof_index)
+    start = robot.neutral()
+    moved = np.stack([start, *(integrate(robot, start, 0.1 * step) for step in np.eye(robot.model.nv)[:count])])
+    places, turns = (part[:, robot.root_body] for part in body_frames(robot, moved))
+    travels = (np.abs(places[1:] - places[0]).max(axis=1) > 1e-3) & (
+        np.abs(turns[1:] - turns[0]).max(axis=(1, 2)) < 1e-9
+    )
+    assert root_travel(robot).tolist() == np.flatnonzero(travels).tolist()
+    assert travels.sum() == (0 if root == "none" else 3)
 
 
 def turning_walk() -> Motion:

@@ -54,8 +54,9 @@ def check_sum(solution: Solution) -> None:
         own = (track.priority * loss).sum(axis=1)
         assert np.allclose(solution.stress[track.name], own, rtol=1e-9, atol=1e-12)
         total += own
-    weight = np.full(graph.robot.model.nv, graph.weights.smooth * graph.weights.smooth_root)
-    weight[graph.robot.dof_index] = graph.weights.smooth
+    weight = np.full(graph.robot.model.nv, graph.weights.smooth)
+    weight[:3] *= graph.weights.smooth_root  # a free root: metres, then radians
+    weight[3:6] *= graph.weights.smooth_turn
     speed = np.array([difference(graph.robot, a, b) for a, b in pairwise(qpos)])
     away = np.diff(speed, axis=0) - graph.kinds["smoothness"].lower[1:-1]
     bend = (weight * (graph.fps / 30) ** 4 * away**2).sum(axis=1)

@@ -11,6 +11,7 @@ from robot_retarget.graph.path import pelvis_path
 from robot_retarget.graph.phase import PlaybackPhase
 from robot_retarget.graph.role import CAUSAL_DIFFERENCE, SECOND_DIFFERENCE
 from robot_retarget.graph.weights import REFERENCE_FPS
+from robot_retarget.robot.dynamics import root_dofs, root_travel
 from robot_retarget.robot.kinematics import tangent_names
 
 BOUNCE = 0.05
@@ -31,14 +32,14 @@ class SmoothnessKind(Kind):
 
     def targets(self, context: RetargetContext) -> Track:
         """κ at the frame rate: a second difference scales with the squared time between frames."""
-        human, names = context.human, tangent_names(context.robot)
-        kappa = context.weights.smooth * (human.fps / REFERENCE_FPS) ** 4
+        human, weights, names = context.human, context.weights, tangent_names(context.robot)
+        kappa = weights.smooth * (human.fps / REFERENCE_FPS) ** 4
         bend = np.zeros((len(human), len(names)))
         if context.robot.floating:
             height = gaussian_filter1d(pelvis_path(human, context.match)[:, 2], BOUNCE * human.fps, mode="nearest")
             bend[1:-1, names.index(UP)] = np.diff(height, 2)
         ends = [(name, "second difference") for name in names]
-        return exact(self, ends, bend, kappa, _scales(context, context.weights.smooth_root))
+        return exact(self, ends, bend, kappa, _scales(context, weights.smooth_root, weights.smooth_turn))
 
     def renewed(self, track: Track, measured: Floats | None, phase: Phase) -> Track:
         """Return the target 0 in a balanced playback, whose pace differs from the human's."""
@@ -58,12 +59,13 @@ class InertiaKind(Kind):
     def targets(self, context: RetargetContext) -> Track:
         """1 for hinges, times the weight of the time since the frame before (`realtime.follower`)."""
         ends = [(name, "two frames before") for name in tangent_names(context.robot)]
-        scales = _scales(context, context.weights.inertia_root)
-        return exact(self, ends, np.zeros((len(context.human), len(ends))), 1.0, scales)
+        inertia = context.weights.inertia_root
+        return exact(self, ends, np.zeros((len(context.human), len(ends))), 1.0, _scales(context, inertia, inertia))
 
 
-def _scales(context: RetargetContext, root: float) -> Floats:
-    """(nv,) 1 for hinges; smaller for the root, whose squares count `root` times."""
-    scales = np.full(context.robot.model.nv, 1 / np.sqrt(max(root, 1e-9)))
-    scales[context.robot.dof_index] = 1.0
-    return scales
+def _scales(context: RetargetContext, travel: float, turn: float) -> Floats:
+    """(nv,) 1 for hinges; smaller for the root, whose squares count `travel` times in metres and `turn` times in radians."""
+    robot = context.robot
+    factors = np.ones(robot.model.nv)
+    factors[root_dofs(robot)], factors[root_travel(robot)] = turn, travel
+    return 1 / np.sqrt(np.maximum(factors, 1e-9))
