@@ -70,8 +70,12 @@ class Weights:
     """Factor for the place of the root: legs absorb what would accelerate the whole body [rad²/m²] ..."""
     smooth_turn: float = 50.0
     """... and for its rotation [-]."""
+    inertia: float = 0.5
+    """Inertia of hinges in streams, as a share of that of `RealTime.frequency` [-] ..."""
+    inertia_leg: float = 3.0
+    """... of legs, whose directions weigh more: with less inertia they follow more of the noise [-] ..."""
     inertia_root: float = 5.0
-    """Factor for the root in streams, where inertia delays [-]."""
+    """... and of the root, per rad² and per m² [-]."""
 
     interaction: float = 0.0
     """Approaching links, over the squared leg; 0 disables it, 1 lowers false alarms of warnings [-]."""

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from robot_retarget.arrays import Floats
 from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.graph.kind import Kind, RetargetContext
-from robot_retarget.graph.kinds import KINDS
+from robot_retarget.graph.kinds import KINDS, stream_kinds
 from robot_retarget.graph.kinds.mass import MassKind
 from robot_retarget.graph.kinds.temporal import BOUNCE, SmoothnessKind
 from robot_retarget.graph.symbolic_robot import SymbolicRobot, drawn_configurations
@@ -179,3 +179,23 @@ def test_the_root_of_a_body_in_flight_falls_as_the_human_does() -> None:
     far = slice(round(5 * BOUNCE * fps), -round(5 * BOUNCE * fps))
     assert np.allclose(track.lower[far, up] * fps**2, -9.81 * graph.match.leg_ratio)
     assert not np.delete(track.lower, up, axis=1).any()
+
+
+def test_hinges_that_turn_an_ankle_in_the_pelvis_have_the_inertia_of_legs() -> None:
+    robot = load_robot("op3")
+    graph = describe(read_motion(SAMPLES / "walk.bvh"), robot, fps=30, kinds=stream_kinds())
+    track, sites, data = graph.kinds["inertia"], graph.match.anatomy.sites, mujoco.MjData(robot.model)
+
+    def ankles(q: Floats) -> Floats:
+        data.qpos[:] = q
+        mujoco.mj_kinematics(robot.model, data)
+        pelvis, *feet = (data.xmat[sites[part].body].reshape(3, 3) for part in ("pelvis", "l_ankle", "r_ankle"))
+        return np.array([pelvis.T @ foot for foot in feet])
+
+    weights, ends = graph.weights, [end for end, _ in track.ends]
+    for joint, index in zip(robot.joint_names, robot.qpos_index, strict=True):
+        q = robot.standing()
+        before, q[index] = ankles(q), q[index] + 0.3
+        moves = np.abs(ankles(q) - before).max() > 1e-6
+        assert track.priority[0, ends.index(joint)] == (weights.inertia_leg if moves else weights.inertia), joint
+    assert (track.priority[0, [end.startswith("root") for end in ends]] == 1).all()

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Bools, Floats
 from robot_retarget.graph.kind import Form, Kind, Phase, RetargetContext, Track, exact
 from robot_retarget.graph.path import pelvis_path
 from robot_retarget.graph.phase import PlaybackPhase
 from robot_retarget.graph.role import CAUSAL_DIFFERENCE, SECOND_DIFFERENCE
 from robot_retarget.graph.weights import REFERENCE_FPS
 from robot_retarget.robot.dynamics import root_dofs, root_travel
-from robot_retarget.robot.kinematics import tangent_names
+from robot_retarget.robot.kinematics import carrying, tangent_names
 
 BOUNCE = 0.05
 """Standard deviation of the Gaussian over the human's height, whose acceleration the root has [s]: captures are noisy."""
@@ -57,10 +57,20 @@ class InertiaKind(Kind):
     follows_human = False
 
     def targets(self, context: RetargetContext) -> Track:
-        """1 for hinges, times the weight of the time since the frame before (`realtime.follower`)."""
-        ends = [(name, "two frames before") for name in tangent_names(context.robot)]
-        inertia = context.weights.inertia_root
-        return exact(self, ends, np.zeros((len(context.human), len(ends))), 1.0, _scales(context, inertia, inertia))
+        """The weights of legs, of other hinges and of the root, times that of the time since the frame before (`realtime.follower`)."""
+        ends, weights = [(name, "two frames before") for name in tangent_names(context.robot)], context.weights
+        scales = _scales(context, weights.inertia_root, weights.inertia_root)
+        priority = np.where(_of_legs(context), weights.inertia_leg, weights.inertia)
+        priority[root_dofs(context.robot)] = 1.0
+        return exact(self, ends, np.zeros((len(context.human), len(ends))), priority, scales)
+
+
+def _of_legs(context: RetargetContext) -> Bools:
+    """Return (nv,) whether a tangent direction moves an ankle relative to the pelvis."""
+    moves, sites = carrying(context.robot.model), context.match.anatomy.sites
+    still = moves[sites["pelvis"].body if "pelvis" in sites else context.robot.root_body]
+    ankles = [moves[sites[part].body] for part in ("l_ankle", "r_ankle") if part in sites]
+    return np.logical_or.reduce([still != ankle for ankle in (still, *ankles)])
 
 
 def _scales(context: RetargetContext, travel: float, turn: float) -> Floats:
