@@ -52,7 +52,8 @@ def solve(
         progress: receives (steps done, steps in all) of draft and balance together; the second number may grow.
 
     Raises:
-        MatchError: the solved motion is unlike the human's (`plausibility.mismatch`), and no map file names the joints.
+        MatchError: the solved motion is unlike the human's (`plausibility.mismatch`), no map file names the joints, and no edge is
+            the user's.
         UsageError: an unknown choice of legs or balance, or legs that stand without balance.
         BalanceError: the motion leaves the floor, the human is held up, or the robot has no feet.
     """
@@ -65,7 +66,8 @@ def solve(
         draft, planting = consecutive(progress, expected_steps(graph))
     solution = solve_graph(graph, options=options, search=search, smoothing=smoothing, progress=draft)
     doubt = mismatch(graph.human, graph.robot, solution.trajectory.qpos, graph.motion.source)
-    if doubt and not graph.mapped and (smoothing is None or smoothing.passes):
+    chosen = graph.mapped or any(track.kind.by_user for track in graph.tracks)
+    if doubt and not chosen and (smoothing is None or smoothing.passes):
         raise MatchError(doubt)
     if mode == "off":
         return Result(solution.graph, solution, source=graph.motion, doubt=doubt)
