@@ -53,14 +53,15 @@ MOVES += [(module, f) for module in (causal_module, clip_module) for f in ("inte
 Places = Mapping[str, list[tuple[object, str]]]
 PARTS: Places = {
     "kinematics and normal equations": [(Mapped, "__call__")],
-    "separation of links": [(Separation, "near")],
-    PROGRAM: [(QuadraticPrograms, "solve")],
+    "separation of links": [(Separation, "along")],
+    PROGRAM: [(QuadraticPrograms, "solve"), (QuadraticPrograms, "solve_frame")],
     "closed chains, gears": [(Coupling, "__call__"), (Coupling, "close_chains")],
     "configurations q ⊕ v, q ⊖ p": MOVES,
     "Python around the quadratic model": [
         (CostModel, "linearize"),
         (CostModel, "with_proximal"),
         (FrameSolver, "_steps"),
+        (sqp_module, "frame_model"),
     ],
     "Python of the descent": [(FrameSolver, "solve_frames")],
 }
