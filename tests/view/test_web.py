@@ -242,6 +242,17 @@ def test_a_view_is_saved_as_a_picture_and_the_motion_as_a_film(opened: Tab) -> N
 
 
 @needs_browser
+def test_a_film_waits_for_an_encoder_that_is_slower_than_the_motion(opened: Tab) -> None:
+    opened.run(
+        "window.timer = setTimeout; window.setTimeout = call => timer(call, 0); window.made = {};"
+        "viewer.player.setSpeed(400); viewer.exported.film().then(blob => window.made.film = blob)"
+    )
+    opened.until("return window.made.film")
+    assert opened.run("return window.made.film.size") > 1000
+    opened.run("window.setTimeout = timer; viewer.player.setSpeed(1)")
+
+
+@needs_browser
 def test_the_dark_theme_darkens_page_scene_and_curves(opened: Tab) -> None:
     ink = "return viewer.charts.plots[0].plot.axes[0].stroke()"
 

@@ -3,7 +3,7 @@
 const RATE = 30; // pictures a second of a film
 const BITS = 8e6; // of a film, a second
 const FILMS = ["video/webm;codecs=vp9", "video/webm;codecs=vp8", "video/webm", "video/mp4"];
-const LAST = 400; // the last picture stays so long [ms]; encoders swallow films of a moment
+const LAST = 400; // the last picture stays so long [ms], and again until the encoder has written
 const FONT = "system-ui, sans-serif";
 
 function saved(blob, name) {
@@ -69,14 +69,17 @@ export class Export {
     player.loop = false;
     await this.#begin();
     const pieces = [], recorder = (this.recorder = new MediaRecorder(this.sheet.captureStream(RATE), { mimeType: this.kind, videoBitsPerSecond: BITS }));
-    recorder.addEventListener("dataavailable", ({ data }) => pieces.push(data));
+    recorder.addEventListener("dataavailable", ({ data }) => data.size && pieces.push(data));
     const ended = new Promise((done) => recorder.addEventListener("stop", done));
-    recorder.start();
+    recorder.start(LAST);
     this.#compose();
     player.play();
     await player.paused();
     await this.stage.drawn();
-    await new Promise((done) => setTimeout(done, LAST));
+    do {
+      this.#compose();
+      await new Promise((done) => setTimeout(done, LAST));
+    } while (!pieces.length);
     recorder.stop();
     await ended;
     this.recorder = null;
