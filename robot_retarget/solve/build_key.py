@@ -1,7 +1,6 @@
 """The key of a build: a hash of everything that determines the functions of a problem."""
 
 import hashlib
-import sys
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
@@ -26,10 +25,15 @@ def build_key(robot: Robot, match: Match, tracks: Sequence[Track]) -> str | None
     if not all(type(track.kind).__module__.startswith("robot_retarget.") for track in tracks):
         return None
     body = match.anatomy, match.keypoints, match.parents, match.robot_bones, match.rest, match.ankle_height
-    with np.printoptions(threshold=sys.maxsize, floatmode="unique"):
+    with np.printoptions(override_repr=_exactly):
         text = repr((body, [_determining(track) for track in tracks]))
     made_by = _code(), ca.CasadiMeta.version(), _kinematics(robot), text
     return hashlib.sha256("\n".join(made_by).encode()).hexdigest()
+
+
+def _exactly(array: np.ndarray) -> str:
+    """Return the text of an array: all its bits, in a hundredth of the time that digits take."""
+    return f"{array.dtype}{array.shape}{array.tobytes().hex()}"
 
 
 def _determining(track: Track) -> tuple[object, ...]:
