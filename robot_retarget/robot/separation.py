@@ -8,6 +8,7 @@ overlap by construction.
 
 import copy
 from itertools import pairwise
+from weakref import WeakKeyDictionary
 
 import mujoco
 import numpy as np
@@ -25,6 +26,7 @@ STILL = 0.4
 TIE = 1e-6
 """Links that overlap deeper at rest are left out [m]: far above the engine's rounding."""
 _YZX = [1, 2, 0]
+_KEPT: WeakKeyDictionary[Robot, dict[float, tuple[mujoco.MjModel, mujoco.MjModel]]] = WeakKeyDictionary()
 
 
 class Separation:
@@ -46,12 +48,8 @@ class Separation:
         Args:
             feet: links without rows for the floor, because soles have their own; None for a scene without a floor.
         """
-        self.plain: mujoco.MjModel = touchable(robot)
-        self.model, self.reach = copy.deepcopy(self.plain), reach
-        self.model.geom_margin[:] = reach / 2
-        self.model.body_margin[:] = reach / 2  # the broad phase uses the margins of bodies
-        self.model.pair_margin[:] = reach
-        self.model.geom_gap[:] = self.model.pair_gap[:] = 0.0
+        self.plain, self.model = _models(robot, reach)
+        self.reach = reach
         self.data: mujoco.MjData = mujoco.MjData(self.model)
         self.touching: mujoco.MjData = mujoco.MjData(self.plain)
         self.bodies: Ints = np.append(np.asarray(self.model.geom_bodyid), 0)
@@ -61,8 +59,7 @@ class Separation:
         self.between: Floats = (carried[None] - carried[:, None]).reshape(-1, self.model.nv)
         """(B², nv) +1 where a dof carries the second of two bodies alone, −1 where it carries the first."""
         self._views = views(self.data)  # to ask for one takes as long as to use it
-        solid = np.asarray(self.model.body_weldid)[self.model.geom_bodyid] != 0
-        self.model.geom_contype[~solid] = self.model.geom_conaffinity[~solid] = 0  # the floor of a scene costs time
+        solid = _moves(self.model)
         self.counts: Bools = np.logical_and.outer(solid, solid)
         self.rest: Floats = np.full((self.model.ngeom + 1,) * 2, np.inf)
         """(G + 1, G + 1) distance of two geoms at rest [m]; the floor, which comes last, may be touched."""
@@ -173,3 +170,31 @@ class Separation:
         for gap, (a, b) in zip(found.distance, found.geoms, strict=True):
             self.counts[a, b] = self.counts[b, a] = self.counts[a, b] and gap > -TIE
             self.rest[a, b] = self.rest[b, a] = min(self.rest[a, b], gap)
+
+
+def _models(robot: Robot, reach: float) -> tuple[mujoco.MjModel, mujoco.MjModel]:
+    """Return the robot's model without margins, and the same with margins of half the reach [m]; no one changes them.
+
+    A robot's models are kept: a copy takes as long as a hundred frames of a stream.
+    """
+    kept = _KEPT.setdefault(robot, {})
+    if reach not in kept:
+        plain = touchable(robot)
+        kept[reach] = plain, _with_margins(plain, reach)
+    return kept[reach]
+
+
+def _with_margins(plain: mujoco.MjModel, reach: float) -> mujoco.MjModel:
+    model = copy.deepcopy(plain)
+    model.geom_margin[:] = reach / 2
+    model.body_margin[:] = reach / 2  # the broad phase uses the margins of bodies
+    model.pair_margin[:] = reach
+    model.geom_gap[:] = model.pair_gap[:] = 0.0
+    still = ~_moves(model)
+    model.geom_contype[still] = model.geom_conaffinity[still] = 0  # the floor of a scene costs time
+    return model
+
+
+def _moves(model: mujoco.MjModel) -> Bools:
+    """Return which geoms move with a link (G,)."""
+    return np.asarray(model.body_weldid)[model.geom_bodyid] != 0

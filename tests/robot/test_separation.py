@@ -41,18 +41,19 @@ def test_configurations_measured_together_are_near_as_each_alone(seed: int, coun
 
 def test_slopes_are_the_rows_of_mujocos_constraints() -> None:
     """The engine has one row per contact along its normal; pairs of boxes are not compared, they have places of their own."""
-    model, compared = SEPARATION.model, 0
+    separation = Separation(load_robot("op3"), REACH, feet=frozenset())  # a robot of its own, whose model may change
+    model, compared = separation.model, 0
     model.geom_condim[:] = 1
     model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     off = mujoco.mjtDisableBit
     model.opt.disableflags |= off.mjDSBL_EQUALITY | off.mjDSBL_FRICTIONLOSS | off.mjDSBL_LIMIT
     for q in drawn(0, 20):
-        _, geoms, slope = SEPARATION.near(q)
-        data = SEPARATION.data
+        _, geoms, slope = separation.near(q)
+        data = separation.data
         mujoco.mj_makeConstraint(model, data)
         rows = data.efc_J.reshape(-1, model.nv)
         for contact in data.contact:
-            if SEPARATION.seen[tuple(contact.geom)]:
+            if separation.seen[tuple(contact.geom)]:
                 same = slope[(geoms == contact.geom).all(axis=1)]
                 assert np.abs(same - rows[contact.efc_address]).max(axis=1).min() < 1e-9
                 compared += 1

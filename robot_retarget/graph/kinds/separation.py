@@ -71,13 +71,21 @@ class _Watched:
 
 def _watched(track: Track, state: RowStates) -> _Watched:
     if "watched" not in state.memory:
-        robot, places = state.robot, {frozenset(ends): edge for edge, ends in enumerate(track.ends)}
+        robot = state.robot
         surfaces = Surfaces(robot, max(state.reach, 2 * float(track.lower.max())), _feet(robot, state.match))
-        body, links = robot.model.body, np.asarray(robot.model.body_weldid)[surfaces.model.geom_bodyid]
-        names = [*(body(int(link)).name for link in links), FLOOR]
-        table = np.array([[places.get(frozenset((a, b)), -1) for b in names] for a in names])
-        state.memory["watched"] = _Watched(surfaces, table)
+        links = np.append(np.asarray(robot.model.body_weldid)[surfaces.model.geom_bodyid], robot.model.nbody)
+        state.memory["watched"] = _Watched(surfaces, _edges(robot, track)[np.ix_(links, links)])
     return state.memory["watched"]
+
+
+def _edges(robot: Robot, track: Track) -> Ints:
+    """Return (B + 1, B + 1) the edge of every two bodies, −1 without one; the floor comes last."""
+    names = [*(robot.model.body(body).name for body in range(robot.model.nbody)), FLOOR]
+    places = {name: place for place, name in enumerate(dict.fromkeys(names))}
+    ends = np.array([[places[a], places[b]] for a, b in track.ends], dtype=int).reshape(-1, 2)
+    table, own = np.full((len(places),) * 2, -1), [places[name] for name in names]
+    table[ends, ends[:, ::-1]] = np.arange(len(ends))[:, None]
+    return table[np.ix_(own, own)]
 
 
 def _feet(robot: Robot, match: Match) -> frozenset[int] | None:
