@@ -59,13 +59,15 @@ def feet_of(robot: Robot) -> Feet:
     bodies = tuple(with_toes(robot, {int(b) for b in treads[name].bodies}) for name in names)
     if anatomy is None or not names:
         return Feet((), (), NONE, np.zeros(0, int), NONE)
-    points = _together([treads[name] for name in names])
-    corners = _together([sole_corners(anatomy, name) for name in names])
+    points = together([treads[name] for name in names])
+    corners = together([sole_corners(anatomy, name) for name in names])
     owner = np.repeat(np.arange(len(names)), [len(treads[name].bodies) for name in names])
     return Feet(names, bodies, points, owner, corners)
 
 
-def _together(points: list[Points]) -> Points:
+def together(parts: list[Points]) -> Points:
+    """Return the points of several parts, one after the other."""
+    points = [NONE, *parts]
     return Points(np.concatenate([p.bodies for p in points]), np.concatenate([p.offsets for p in points]))
 
 

@@ -70,6 +70,22 @@ def world_points(robot: Robot, points: Points, qpos: Floats) -> Floats:
     return places
 
 
+class PlacedPoints:
+    """World positions of points at one configuration after the other, with memory that is allocated once."""
+
+    def __init__(self, robot: Robot, points: Points):
+        self._model, self._data = robot.model, mujoco.MjData(robot.model)
+        self._origins, self._turns = self._data.xpos, self._data.xmat.reshape(-1, 3, 3)
+        self._bodies, self._offsets = points.bodies, points.offsets[..., None]
+
+    def at(self, qpos: Floats) -> Floats:
+        """Return the positions (P, 3) at a configuration (nq,) [m]."""
+        self._data.qpos[:] = qpos
+        mujoco.mj_kinematics(self._model, self._data)
+        turned = self._turns.take(self._bodies, axis=0) @ self._offsets
+        return self._origins.take(self._bodies, axis=0) + turned[..., 0]
+
+
 def mass_function(robot: Robot) -> ca.Function:
     """q (nq) ↦ the centre of mass of the robot  Σ m_b c_b / Σ m_b  (3) [m] and its Jacobian by v (3, nv)."""
     bodies = Bodies(robot)

@@ -1,5 +1,9 @@
 """Placement of a robot by its root: a free joint, or any sequence of slides and hinges."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
 import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -15,6 +19,10 @@ ARRIVED = 1e-9
 """Newton stops after a shorter step [m, rad]."""
 
 
+Placer = Callable[[Floats, Floats], Floats]
+"""From the place (3,) of a point [m] and the rotation (3, 3) of its body to a configuration (nq,)."""
+
+
 def place_body(robot: Robot, qpos: Floats, body: int, offset: Floats, place: Floats, turn: Floats) -> Floats:
     """Move the root so that a body has a given rotation and a point fixed to it a given place.
 
@@ -26,8 +34,18 @@ def place_body(robot: Robot, qpos: Floats, body: int, offset: Floats, place: Flo
         place: (3,) target of the point [m].
         turn: (3, 3) target rotation of the body.
     """
+    return body_placer(robot, qpos, body, offset)(place, turn)
+
+
+def body_placer(robot: Robot, qpos: Floats, body: int, offset: Floats) -> Placer:
+    """Return `place_body` of one pose, for many places: a free joint needs forward kinematics once."""
     if robot.floating:
-        return _carried(robot, qpos, body, offset, place, turn)
+        return FreePose.of(robot, qpos, body, offset).placed
+    return partial(_stepped, robot, qpos, body, offset)
+
+
+def _stepped(robot: Robot, qpos: Floats, body: int, offset: Floats, place: Floats, turn: Floats) -> Floats:
+    """Return the configuration by Newton steps."""
     moved, dofs, data = np.array(qpos), root_dofs(robot), mujoco.MjData(robot.model)
     velocity, rows = np.zeros(robot.model.nv), np.zeros((6, robot.model.nv))
     for _ in range(STEPS if dofs.size else 0):
@@ -45,14 +63,32 @@ def place_body(robot: Robot, qpos: Floats, body: int, offset: Floats, place: Flo
     return moved
 
 
-def _carried(robot: Robot, qpos: Floats, body: int, offset: Floats, place: Floats, turn: Floats) -> Floats:
-    """The same with a free joint: R₁ = turn Rᵀ R₀ and x₁ = place + turn Rᵀ (x₀ − x) for the root's R₀ and x₀."""
-    frames, turns = body_frames(robot, qpos[None])
-    rotation, root = turn @ turns[0, body].T, robot.root_body
-    moved, a = np.array(qpos), robot.root_address
-    moved[a : a + 3] = place + rotation @ (frames[0, root] - frames[0, body] - turns[0, body] @ offset)
-    mujoco.mju_mat2Quat(moved[a + 3 : a + 7], (rotation @ turns[0, root]).ravel())
-    return moved
+@dataclass(frozen=True, eq=False)
+class FreePose:
+    """A pose of a robot with a free joint, which is placed by a point of a body with x, R: the root has R₀ and x₀."""
+
+    qpos: Floats
+    """(nq,)."""
+    address: int
+    """Where the root's coordinates begin."""
+    away: Floats
+    """(3,) Rᵀ (x₀ − x) [m]."""
+    turned: Floats
+    """(3, 3) Rᵀ R₀."""
+
+    @classmethod
+    def of(cls, robot: Robot, qpos: Floats, body: int, offset: Floats) -> "FreePose":
+        """Return a pose (nq,) placed by a point of a body, at an offset (3,) in its frame [m]."""
+        (frames,), (turns,) = body_frames(robot, qpos[None])
+        back, root = turns[body].T, robot.root_body
+        return cls(qpos, robot.root_address, back @ (frames[root] - frames[body]) - offset, back @ turns[root])
+
+    def placed(self, place: Floats, turn: Floats) -> Floats:
+        """Return the pose (nq,) with the point at `place` (3,) [m] and the body turned by `turn` (3, 3)."""
+        moved, a = np.array(self.qpos), self.address
+        moved[a : a + 3] = place + turn @ self.away
+        mujoco.mju_mat2Quat(moved[a + 3 : a + 7], (turn @ self.turned).ravel())
+        return moved
 
 
 def raise_root(robot: Robot, qpos: Floats, height: float) -> Floats:

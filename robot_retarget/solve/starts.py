@@ -11,7 +11,7 @@ from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.robot import Anatomy, Robot
 from robot_retarget.robot.anatomy import limb_hinges
 from robot_retarget.robot.mirror import mirror_of
-from robot_retarget.robot.root import place_body
+from robot_retarget.robot.root import Placer, body_placer
 from robot_retarget.solve.descent import FrameSolution
 from robot_retarget.solve.options import Search
 from robot_retarget.solve.problem import ClipTargets, EdgeTargets
@@ -139,12 +139,13 @@ def _left(robot: Robot, forward: Floats) -> Floats:
 
 def place_root(graph: RobotGraph, qpos: Floats, frame: int) -> Floats:
     """Return a pose with its root turned and moved so that the pelvis has its target position and heading."""
-    return with_root(graph.robot, graph.match.anatomy, qpos, graph.pelvis[frame], graph.human.facing[frame])
+    return root_placer(graph.robot, graph.match.anatomy, qpos)(graph.pelvis[frame], graph.human.facing[frame])
 
 
-def with_root(robot: Robot, anatomy: Anatomy, qpos: Floats, pelvis: Floats, facing: Floats) -> Floats:
-    """Return a pose with its root moved so that the pelvis is at a position (3,) [m] with a rotation (3, 3)."""
+def root_placer(robot: Robot, anatomy: Anatomy, qpos: Floats) -> Placer:
+    """Return what moves the root of a pose so that the pelvis is at a position (3,) [m] with a rotation (3, 3)."""
     body, axes = anatomy.frames.get("pelvis", (robot.root_body, np.eye(3)))
     site = anatomy.sites.get("pelvis")
     offset = site.offset if site is not None and site.body == body else np.zeros(3)
-    return place_body(robot, qpos, body, offset, pelvis, facing @ axes.T)
+    placed = body_placer(robot, qpos, body, offset)
+    return lambda pelvis, facing: placed(pelvis, facing @ axes.T)

@@ -9,7 +9,7 @@ from point_functions import point_function
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.robot import Points, Robot, load_robot, world_points
-from robot_retarget.robot.kinematics import difference, integrate, mass_function
+from robot_retarget.robot.kinematics import PlacedPoints, difference, integrate, mass_function
 
 MODELS = sorted(SHARED.glob("robots/*/*.xml"))
 
@@ -40,6 +40,15 @@ def test_points_and_jacobian_agree_with_mujoco(seed: int) -> None:
     x, jacobian = point_function(robot, points)(qpos)
     assert np.allclose(x.full().reshape(-1, 3), world_points(robot, points, qpos[None])[0], atol=1e-12)
     assert np.allclose(jacobian.full(), mujoco_jacobian(robot, points, qpos), atol=1e-12)
+
+
+def test_points_placed_at_one_configuration_after_the_other_follow_the_jacobian() -> None:
+    robot, step = load_robot("op3"), 1e-6
+    points, qpos = random_case(robot, 2)
+    placed, (_, jacobian) = PlacedPoints(robot, points), point_function(robot, points)(qpos)
+    for dof, way in enumerate(np.eye(robot.model.nv) * step):
+        moved = placed.at(integrate(robot, qpos, way)) - placed.at(qpos)
+        assert np.allclose(moved.ravel() / step, jacobian.full()[:, dof], atol=1e-5)
 
 
 @needs_shared

@@ -1,9 +1,8 @@
 """One calibrated performer and robot: derives the targets of each frame, solves them and returns the pose."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats
@@ -15,18 +14,17 @@ from robot_retarget.graph.status import Status
 from robot_retarget.human.causal import CausalFeatures
 from robot_retarget.human.causal_touches import CausalSurroundings
 from robot_retarget.human.features import HumanFeatures
-from robot_retarget.robot import Points, Robot
-from robot_retarget.robot.feet import CORNERS, sole_corners
-from robot_retarget.robot.kinematics import Bodies
+from robot_retarget.robot.feet import CORNERS, sole_corners, together
+from robot_retarget.robot.kinematics import PlacedPoints
+from robot_retarget.robot.root import Placer
 from robot_retarget.scene.scene import Scene
-from robot_retarget.solve.compiled import Compiled
 from robot_retarget.solve.descent import FrameSolution
 from robot_retarget.solve.live.lag import FixedLag, SolvedFrame
 from robot_retarget.solve.live.realtime import RealTimeSolver
 from robot_retarget.solve.options import RealTime
 from robot_retarget.solve.problem import EdgeTargets, Problem, build_problem
 from robot_retarget.solve.sqp import FrameSolver
-from robot_retarget.solve.starts import with_root
+from robot_retarget.solve.starts import root_placer
 
 FIRST = 1 / 30
 """Assumed duration of the first frame [s]."""
@@ -82,9 +80,9 @@ class Follower:
         frames = FrameSolver(self.problem)
         self.solver: RealTimeSolver = RealTimeSolver(frames, options)
         self.lag: FixedLag | None = FixedLag(frames, lag, options) if lag else None
-        self.corners: Compiled = _corners(
-            graph.robot, [sole_corners(match.anatomy, foot) for foot in placed_feet(match, graph.robot)]
-        )
+        soles = together([sole_corners(match.anatomy, foot) for foot in placed_feet(match, graph.robot)])
+        self.corners: PlacedPoints = PlacedPoints(graph.robot, soles)
+        self.stood: Placer = root_placer(graph.robot, match.anatomy, graph.robot.standing())
         self.targets: EdgeTargets | None = None
         self.latest: HumanFeatures | None = None
 
@@ -116,9 +114,7 @@ class Follower:
 
     def _standing(self, human: HumanFeatures) -> Floats:
         """Return the standing pose (nq,) with the human's pelvis position and heading."""
-        robot = self.graph.robot
-        place, turn = self.root_scaling.path(human)[0], human.facing[0]
-        return with_root(robot, self.graph.match.anatomy, robot.standing(), place, turn)
+        return self.stood(self.root_scaling.path(human)[0], human.facing[0])
 
     def _given(self, pose: FrameSolution, time: float, since: float) -> StreamPose:
         """Return the pose of the stream, smoothed if there is a lag."""
@@ -130,12 +126,5 @@ class Follower:
         return StreamPose(late.qpos, time, late.status, time - answered, *around)
 
     def _targets_at(self, human: HumanFeatures, qpos: Floats, seconds: float) -> EdgeTargets:
-        targets = self.all_targets.at(human, self.corners(qpos)[0].reshape(-1, CORNERS, 3), seconds)
+        targets = self.all_targets.at(human, self.corners.at(qpos).reshape(-1, CORNERS, 3), seconds)
         return EdgeTargets(*(np.array(each) for each in targets)) if self.lag else EdgeTargets(*targets)
-
-
-def _corners(robot: Robot, soles: Sequence[Points]) -> Compiled:
-    """Compile q ↦ positions of the corners of the soles (F · 4 · 3) [m]."""
-    bodies = Bodies(robot)
-    places = ca.horzcat(ca.SX(3, 0), *(bodies.places(sole) for sole in soles))
-    return Compiled(ca.Function("corners", [bodies.q], [ca.densify(ca.vec(places))]))
