@@ -13,7 +13,7 @@ from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot
 
 PACKAGE = Path(__file__).parents[1]
-SOURCES = ("graph", "robot", "solve/problem.py")
+SOURCES = ("graph", "robot", "solve/problem.py", "solve/stencils.py")
 """The code that builds functions."""
 
 

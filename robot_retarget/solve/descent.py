@@ -10,7 +10,7 @@ from robot_retarget.graph.status import Status
 from robot_retarget.solve.options import SolveOptions
 from robot_retarget.solve.problem import ClipTargets
 from robot_retarget.solve.quadratic import Between, Proximal, Quadratic
-from robot_retarget.solve.stencils import Neighbours
+from robot_retarget.solve.stencils import ClipNeighbours, Neighbours
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class Descent:
     regions: TrustRegions
     box: Box
     proximal: Proximal | None = None
-    around: Sequence[Neighbours | None] | None = None
+    around: ClipNeighbours | Neighbours | None = None
     between: Between | None = None
     tolerance: float = 0.0
     status: np.ndarray = field(init=False)
@@ -107,9 +107,9 @@ class Descent:
         self.status = np.full(len(self.qpos), Status.OUT_OF_ITERATIONS)
         self.entering = np.ones(len(self.qpos), dtype=bool)
 
-    def at(self, frames: Ints) -> tuple[ClipTargets, Sequence[Neighbours | None] | None, Between | None]:
+    def at(self, frames: Ints) -> tuple[ClipTargets, ClipNeighbours | Neighbours | None, Between | None]:
         """Return targets, neighbours and ways of some frames."""
         if len(frames) == len(self.qpos):
             return self.targets, self.around, self.between
-        pick = [None if each is None else [each[k] for k in frames.tolist()] for each in (self.around, self.between)]
-        return self.targets.frames(frames), *pick  # pyright: ignore[reportReturnType]
+        between = None if self.between is None else [self.between[k] for k in frames.tolist()]
+        return self.targets.frames(frames), self.around and self.around.of(frames), between

@@ -47,7 +47,7 @@ def frame_model(
     apart, lacking = costs.row_lower(near.deficit), float(costs.lacking(near.deficit))
     own = costs.terms(q, targets)
     joining = costs.joining(ContactRows(near.slope, apart), q, around) if around is not None and costs.offsets else ()
-    total = float(cost) + costs.options.overlap_cost * lacking**2 + sum(term[0] for term in own)
+    total = float(cost) + costs.options.overlap_cost * lacking**2 + sum(float(term[0]) for term in own)
     for _, pull, weight in (*own, *joining):
         gradient, normal = gradient + pull, normal + weight
     if proximal is not None:

@@ -17,9 +17,9 @@ import numpy as np
 
 from robot_retarget.arrays import Floats, Ints, as_slice
 from robot_retarget.graph.kinds import KINDS
-from robot_retarget.graph.role import FRAME, Form, Role
+from robot_retarget.graph.role import Form, Role
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
-from robot_retarget.graph.track import HARD, Track, columns_of, frame_costs, ordered
+from robot_retarget.graph.track import HARD, Track, columns_of, frame_costs, joins, ordered
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot
 from robot_retarget.solve.build_key import build_key
@@ -74,6 +74,8 @@ class Problem:
     """All tracks of the graph in the order of `track.ordered`; their targets are parameters."""
     parts: tuple[CompiledTracks, ...]
     inequalities: "Inequalities"
+    stencils: tuple[StencilCost, ...]
+    """The symbolic costs that join several frames."""
     streams: bool = False
     """Whether frames come one by one: edges that do not follow the human keep their targets."""
 
@@ -81,15 +83,6 @@ class Problem:
     def columns(self) -> dict[str, slice]:
         """The edges of each kind in targets."""
         return columns_of(self.tracks)
-
-    @cached_property
-    def stencils(self) -> tuple[StencilCost, ...]:
-        """The symbolic costs that join several frames."""
-        return tuple(
-            StencilCost(self.robot, self.match, track, self.columns[track.name])
-            for track in self.tracks
-            if (track.role, track.kind.form) == (Role.COST, Form.SYMBOLIC) and track.stencil != FRAME
-        )
 
     @cached_property
     def limits(self) -> JointLimits:
@@ -106,12 +99,12 @@ class Problem:
     @property
     def native(self) -> bool:
         """Whether machine code evaluates every part."""
-        return all(part.build.native for part in self.parts)
+        return all(part.build.native for part in (*self.parts, *self.stencils))
 
     def wait(self) -> None:
         """Wait until the machine code is ready or cannot be compiled."""
-        for build in (*(part.build for part in self.parts), self.inequalities.build):
-            build.wait()
+        for part in (*self.parts, *self.stencils, self.inequalities):
+            part.build.wait()
 
     def model(self, q: Floats, targets: Targets) -> tuple[Floats, Floats, Floats]:
         """The cost at configurations (…, nq), gradient (…, nv) and normal matrix (…, nv, nv)."""
@@ -217,7 +210,9 @@ def build_problem(
         if group:
             first, shipped = columns[group[0].name].start, group is groups[0]
             parts.append(CompiledTracks(robot, match, group, first, native and shipped, shipped))
-    return Problem(robot, match, tracks, tuple(parts), Inequalities(robot, match, tracks, native), lag is not None)
+    joined = tuple(StencilCost(robot, match, track, columns[track.name], native) for track in tracks if joins(track))
+    inequalities = Inequalities(robot, match, tracks, native)
+    return Problem(robot, match, tracks, tuple(parts), inequalities, joined, lag is not None)
 
 
 class _Terms:

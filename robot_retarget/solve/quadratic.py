@@ -1,6 +1,6 @@
 """The quadratic model of a frame's cost around a configuration, and the rows that bound a step from it."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from typing import Any
@@ -17,7 +17,7 @@ from robot_retarget.robot.swept import SweptConfiguration
 from robot_retarget.solve.near_links import LinearizedDistances, NearLinks
 from robot_retarget.solve.options import SolveOptions
 from robot_retarget.solve.problem import ClipTargets, EdgeTargets, Problem
-from robot_retarget.solve.stencils import Neighbours, Terms, terms
+from robot_retarget.solve.stencils import ClipNeighbours, Neighbours, Terms, terms
 
 Between = Sequence[tuple[SweptConfiguration, ...]]
 """Per frame, configurations between it and its neighbours."""
@@ -123,7 +123,9 @@ class NumericTrack:
         rows = self.rows(q, targets, past, contacts)
         if rows is None:
             return None
-        return terms(self.track, rows.values, rows.slope, targets, self.columns, np.asarray(rows.edges))
+        own, edges = self.columns, np.asarray(rows.edges)
+        sides = targets.lower[own][edges], targets.upper[own][edges], targets.priority[own][edges]
+        return terms(self.track, rows.values, rows.slope, sides, edges)
 
     def states(self, q: Floats, targets: ClipTargets | None = None) -> RowStates:
         """Return where an inequality is evaluated: at configurations (N, nq)."""
@@ -157,12 +159,13 @@ class CostModel:
         numeric = [NumericTrack(problem, t, reach) for t in problem.tracks if t.kind.form is Form.NUMERIC]
         self.numeric = [each for each in numeric if each.track.role is Role.COST]
         self.alone = [each for each in self.numeric if each.track.stencil == FRAME]
+        self.changing = [each for each in self.numeric if each.track.stencil != FRAME]
         self.surfaces = [each for each in numeric if each.track.role is Role.INEQUALITY]
         """The kinds that keep surfaces apart; they share one slack."""
         self.most = sum(each.track.kind.most for each in self.surfaces)
         self.rows = len(problem.inequalities) + self.most
         joined = {offset for cost in problem.stencils for offset in cost.offsets}
-        self.offsets = joined | {-1 for each in self.numeric if each.track.stencil != FRAME}
+        self.offsets = joined | {-1 for _ in self.changing}
         """The frames, relative to one, that share an edge with it."""
 
     def linearize(
@@ -304,27 +307,34 @@ class CostModel:
         }
         return Quadratic(**columns)
 
-    def with_neighbours(self, current: Quadratic, q: Floats, around: Sequence[Neighbours | None] | None) -> Quadratic:
+    def with_neighbours(self, current: Quadratic, q: Floats, around: ClipNeighbours | Neighbours | None) -> Quadratic:
         """The model with the costs that join frames with their neighbours on top."""
         if around is None or not self.offsets:
             return current
-        first = len(self.problem.inequalities)
         total = [current.cost.copy(), current.gradient.copy(), current.normal.copy()]
-        for k, own in enumerate(around):
+        first = len(self.problem.inequalities)
+        for k in range(len(q) if self.changing else 0):
             contacts = ContactRows(current.rows[k, first:, :-1], current.row_lower[k, first:])
-            for found in self.joining(contacts, q[k], own) if own is not None else ():
+            for found in self.since(contacts, q[k], around.at(k)):
                 for sums, part in zip(total, found, strict=True):
                     sums[k] += part
+        for cost in self.problem.stencils:
+            for sums, part in zip(total, cost.terms(q, around), strict=True):
+                sums += part
         return replace(current, cost=total[0], gradient=total[1], normal=total[2])
 
-    def joining(self, contacts: ContactRows, q: Floats, around: Neighbours) -> Iterator[Terms]:
-        """Yield the terms that join a frame at a configuration (nq,) with its neighbours."""
+    def joining(self, contacts: ContactRows, q: Floats, around: Neighbours) -> list[Terms]:
+        """Return the terms that join a frame at a configuration (nq,) with its neighbours."""
+        joined = [cost.terms(q[None], around) for cost in self.problem.stencils]
+        return [*self.since(contacts, q, around), *((cost[0], pull[0], weight[0]) for cost, pull, weight in joined)]
+
+    def since(self, contacts: ContactRows, q: Floats, around: Neighbours) -> list[Terms]:
+        """Return the terms of numeric costs that join a frame at a configuration (nq,) with the frame before."""
         past, known = around.past, contacts if self.surfaces else None
-        for cost in self.numeric if past is not None else ():
-            if cost.track.stencil != FRAME and (found := cost.terms(q, around.targets[0], past, known)) is not None:
-                yield found
-        for cost in self.problem.stencils:
-            yield from cost.terms(q, around)
+        if past is None:
+            return []
+        found = [cost.terms(q, around.targets[0], past, known) for cost in self.changing]
+        return [each for each in found if each is not None]
 
     def projected(self, q: Floats) -> Floats:
         """Return the configuration with closed chains and meshed gears; the same array where no kind changes it."""

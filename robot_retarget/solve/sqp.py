@@ -20,7 +20,7 @@ from robot_retarget.solve.limits import JointBounds, Targets
 from robot_retarget.solve.options import SolveOptions
 from robot_retarget.solve.problem import ClipTargets, EdgeTargets, Problem
 from robot_retarget.solve.quadratic import Between, CostModel, Proximal, Quadratic, diagonal
-from robot_retarget.solve.stencils import Neighbours
+from robot_retarget.solve.stencils import ClipNeighbours, Neighbours
 
 UNSEEN = 0.03
 """The last step of a descent, which gains little, is accepted without evaluation if no hinge turns further [rad]."""
@@ -61,7 +61,7 @@ class FrameSolver:
             qpos[None],
             targets.clip,
             proximal=proximal and proximal.clip,
-            around=[around],
+            around=around,
             between=[between] if between else None,
             box=box and box.clip,
             **options,
@@ -73,7 +73,7 @@ class FrameSolver:
         targets: ClipTargets,
         *,
         proximal: Proximal | None = None,
-        around: Sequence[Neighbours | None] | None = None,
+        around: ClipNeighbours | Neighbours | None = None,
         iterations: int | None = None,
         tolerance: float | None = None,
         box: Box | None = None,
@@ -85,7 +85,7 @@ class FrameSolver:
             start: (N, nq) configurations.
             targets: of the N frames.
             proximal: draws the poses towards others.
-            around: the frames that costs join with each.
+            around: the frames that costs join with the N frames.
             iterations: accepted steps at most.
             tolerance: a smaller gain ends a descent, as a share of the cost [-].
             box: the interval of each hinge; by default the bounds of the frames.
@@ -254,31 +254,19 @@ class FrameSolver:
         bounds = self.bounds(targets)
         return Box(bounds.lower, bounds.upper).around([(before[self.robot.qpos_index], bounds.speed * time)])
 
-    def around(
-        self, qpos: Sequence[Floats] | Floats, all_targets: ClipTargets, frame: int, seconds: float
-    ) -> Neighbours | None:
-        """Return the frames that costs join with a frame of a clip; None without any.
+    def neighbours(
+        self, qpos: Floats | Sequence[Floats], all_targets: ClipTargets, frames: Ints, seconds: float
+    ) -> ClipNeighbours | None:
+        """Return the frames that costs join with some frames of a clip; None if no cost joins frames.
 
         Args:
             qpos: (nq,) of the first frames, or of all frames.
             all_targets: of all frames.
-            frame: index of the frame.
+            frames: (N,) indices of the frames.
             seconds: time from frame to frame [s].
         """
-        near = [frame + offset for offset in self.costs.offsets]
-        known = {k - frame: qpos[k] for k in near if 0 <= k < len(qpos)}
-        if not known:
-            return None
-        targets = {k - frame: all_targets.at(k) for k in (frame, *near) if 0 <= k < len(all_targets)}
-        return Neighbours(known, targets, seconds)
-
-    def neighbours(
-        self, qpos: Floats, all_targets: ClipTargets, frames: Ints, seconds: float
-    ) -> list[Neighbours | None] | None:
-        """Return what costs join with some frames of a clip at qpos (T, nq); None if no cost joins frames."""
-        if not self.costs.offsets:
-            return None
-        return [self.around(qpos, all_targets, t, seconds) for t in frames.tolist()]
+        offsets = tuple(self.costs.offsets)
+        return ClipNeighbours(qpos, all_targets, frames, offsets, seconds) if offsets else None
 
     def depth(self, qpos: Floats) -> float:
         """Return the depth of the deepest overlap of two links [m], for the pairs that are kept apart."""

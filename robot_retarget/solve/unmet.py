@@ -8,6 +8,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.track import HARD, Track
 from robot_retarget.robot.kinematics import integrate
+from robot_retarget.solve.honoured import FARTHEST
 from robot_retarget.solve.limits import JointBounds
 from robot_retarget.solve.problem import EdgeTargets, Problem, targets_of
 from robot_retarget.solve.solution import UnmetEdge
@@ -91,7 +92,10 @@ def _measured(problem: Problem, kind: str, qpos: Floats, t: int, probes: Floats)
         return problem.inequalities.values(probes)[:, problem.inequalities.columns[kind]]
     joined = [cost for cost in problem.stencils if cost.track.name == kind]
     if joined:
-        return np.array([joined[0].value(np.concatenate([qpos[:t], q[None], qpos[t + 1 :]]), t) for q in probes])
+        first = max(t - FARTHEST, 0)
+        near = np.repeat(qpos[None, first : t + FARTHEST + 1], len(probes), axis=0)
+        near[:, t - first] = probes
+        return np.array([joined[0].values(frames)[t - first] for frames in near])
     return problem.values(probes)[:, problem.columns[kind]]
 
 

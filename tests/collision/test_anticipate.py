@@ -55,7 +55,7 @@ def test_the_edges_cost_what_the_least_distance_of_the_frames_ahead_lacks(costs:
     step[robot.dof_index] = draw.normal(scale=0.02, size=len(robot.dof_index))
     room, q = draw.uniform(-0.01, 0.05, 9), robot.standing()
     found = costs.with_neighbours(
-        model_of(costs, slope, room), q[None], [one_step(costs, integrate(robot, q, -step), HORIZON / K)]
+        model_of(costs, slope, room), q[None], one_step(costs, integrate(robot, q, -step), HORIZON / K)
     )
 
     def cost(v: Floats) -> float:
@@ -75,7 +75,7 @@ def test_the_way_apart_and_standing_still_cost_nothing(costs: CostModel) -> None
     for way, cost in ((0.0, 0.0), (1.0, 0.0), (-1.0, WEIGHT * (0.1 * K - 0.01) ** 2 / costs.leg**2)):
         before = integrate(robot, q, -way * step)
         found = costs.with_neighbours(
-            model_of(costs, slope, np.array([0.01])), q[None], [one_step(costs, before, HORIZON / K)]
+            model_of(costs, slope, np.array([0.01])), q[None], one_step(costs, before, HORIZON / K)
         )
         assert found.cost[0] == pytest.approx(cost)
 
