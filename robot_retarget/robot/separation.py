@@ -190,6 +190,7 @@ def _with_margins(plain: mujoco.MjModel, reach: float) -> mujoco.MjModel:
     model.body_margin[:] = reach / 2  # the broad phase uses the margins of bodies
     model.pair_margin[:] = reach
     model.geom_gap[:] = model.pair_gap[:] = 0.0
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_MULTICCD  # a distance has one place: the nearest
     still = ~_moves(model)
     model.geom_contype[still] = model.geom_conaffinity[still] = 0  # the floor of a scene costs time
     return model
