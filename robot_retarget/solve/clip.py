@@ -223,12 +223,8 @@ class _Passes:
         self.path, self.dual = self.qpos.copy(), np.zeros((len(start), robot.model.nv))
         self.rho = clip.smoothing.proximal * clip.smooth.inertia
         self.halves = [np.arange(clip.fixed + k, len(start), 2) for k in (0, 1)]
-        self.interpenetrating: set[int] = set()
-        self.renew(clip)
-
-    def renew(self, clip: ClipProblem) -> None:
-        """Begin the passes with other targets, from the present frames, path and multipliers."""
         self.clip, self.taken = clip, 0
+        self.interpenetrating: set[int] | None = None  # not looked for yet
         boxes = [clip.box(self.qpos, half) for half in self.halves]
         self.descents = [
             clip.solver.begin(self.qpos[half], clip.all_targets.frames(half), box)
@@ -237,6 +233,14 @@ class _Passes:
         for descent in self.descents:
             descent.tolerance = clip.smoothing.tolerance
         self.moving = [np.ones(len(half), dtype=bool) for half in self.halves]
+
+    def renew(self, clip: ClipProblem) -> None:
+        """Begin the passes again with other targets, from the present frames, path and multipliers."""
+        changed = clip.all_targets.differ(self.clip.all_targets)
+        self.clip, self.taken = clip, 0
+        for half, descent in zip(self.halves, self.descents, strict=True):
+            descent.targets = clip.all_targets.frames(half)
+            clip.solver.renew(descent, np.flatnonzero(changed[half]))
 
     def take(self, most: int, count: Count) -> None:
         """Take passes until this number is taken, or until no frame moves."""
@@ -251,7 +255,7 @@ class _Passes:
     def _step(self, number: int) -> bool:
         """Take one pass; return whether frames still move."""
         clip, smoothing = self.clip, self.clip.smoothing
-        if number == smoothing.collision_check:
+        if number >= smoothing.collision_check and self.interpenetrating is None:
             self.interpenetrating = _interpenetrating(clip, self.qpos)
         if number + 1 == smoothing.passes:
             self.rho, self.dual = smoothing.closing * self.rho, self.dual / smoothing.closing

@@ -116,6 +116,8 @@ class FrameSolver:
 
     def renew(self, descent: Descent, frames: Ints) -> None:
         """Linearise some frames of a descent again, with the rows of links on their ways."""
+        if not frames.size:
+            return
         targets, _, between = descent.at(frames)
         found = self.costs.linearize(descent.qpos[frames], targets, between)
         descent.base.put(frames, found, np.ones(len(frames), dtype=bool))

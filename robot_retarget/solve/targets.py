@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints
+from robot_retarget.arrays import Bools, Floats, Ints
 from robot_retarget.graph.track import Track, ordered
 
 
@@ -41,6 +41,11 @@ class ClipTargets:
     def frames(self, frames: Ints) -> "ClipTargets":
         """Of some frames (N,)."""
         return ClipTargets(self.lower[frames], self.upper[frames], self.priority[frames])
+
+    def differ(self, other: "ClipTargets") -> Bools:
+        """Return the frames (T,) at which an edge has another interval or priority."""
+        sides = zip(vars(self).values(), vars(other).values(), strict=True)
+        return np.any([(own != others).any(axis=1) for own, others in sides], axis=0)
 
 
 def targets_of(tracks: Sequence[Track]) -> ClipTargets:
