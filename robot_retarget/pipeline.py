@@ -4,7 +4,7 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-from robot_retarget.balance.balance import balance_of, in_balance
+from robot_retarget.balance.balance import balance_modes, in_balance
 from robot_retarget.balance.balanced_ik import BalanceOptions
 from robot_retarget.balance.playback import expected_steps
 from robot_retarget.errors import MatchError
@@ -47,8 +47,9 @@ def solve(
         legs: with balance, `follow` tracks the human's legs and `stand` keeps both feet in place. `auto` follows if the
             result is like the human's motion (`balance.Acceptable`), and otherwise stands and adds a note.
         balance: `static` keeps the centre of mass over the planted soles, `dynamic` the zero moment point. Both begin and
-            end in a balanced stand and slow the motion down where necessary. `off` changes nothing. `auto` is static for
-            robots with a servo map (next to their MJCF, or given) and for legs that stand, else off.
+            end in a balanced stand and slow the motion down where necessary. `off` changes nothing. `auto` is off for robots
+            without a servo map (next to their MJCF, or given), and static for legs that stand. For other legs it is static,
+            and dynamic where steps in static balance are not `balance.Acceptable`.
         progress: receives (steps done, steps in all) of draft and balance together; the second number may grow.
 
     Raises:
@@ -57,26 +58,23 @@ def solve(
         UsageError: an unknown choice of legs or balance, or legs that stand without balance.
         BalanceError: the motion leaves the floor, the human is held up, or the robot has no feet.
     """
-    mode = balance_of(graph.robot, legs, balance)
-    graph = (
-        graph.unbalanced() if mode == "off" else graph.with_speed(BalanceOptions().speed)
-    )  # the playback is no faster
+    modes = balance_modes(graph.robot, legs, balance)
+    graph = graph.with_speed(BalanceOptions().speed) if modes else graph.unbalanced()  # the playback is no faster
     draft, planting = progress, None
-    if mode != "off" and progress:
+    if modes and progress:
         draft, planting = consecutive(progress, expected_steps(graph))
     solution = solve_graph(graph, options=options, search=search, smoothing=smoothing, progress=draft)
     doubt = mismatch(graph.human, graph.robot, solution.trajectory.qpos, graph.motion.source)
     chosen = graph.mapped or any(track.kind.by_user for track in graph.tracks)
     if doubt and not chosen and (smoothing is None or smoothing.passes):
         raise MatchError(doubt)
-    if mode == "off":
+    if not modes:
         return Result(solution.graph, solution, source=graph.motion, doubt=doubt)
     began = time.perf_counter()
     source = graph.motion
-    balanced, graph, solution = in_balance(solution.graph, solution, legs, mode, planting)
+    balanced, graph, solution = in_balance(solution.graph, solution, legs, modes, planting)
     timings = {**solution.timings, "balance": time.perf_counter() - began}
-    trajectory = replace(solution.trajectory, balance=mode)
-    return Result(graph, replace(solution, trajectory=trajectory, timings=timings), balanced, source, doubt)
+    return Result(graph, replace(solution, timings=timings), balanced, source, doubt)
 
 
 def retarget(
@@ -191,8 +189,11 @@ def carried(
 ) -> Result:
     """Carry the motion of a robot performer over to a robot, as `transfer`; with balance, smoothness has its weight."""
     given = weights or Weights()
-    planned = balance_of(robot, legs, balance) != "off"
-    calm = {} if planned else {"smooth": EXACT * given.smooth, "smooth_root": 1.0, "smooth_turn": 1.0}
+    calm = (
+        {}
+        if balance_modes(robot, legs, balance)
+        else {"smooth": EXACT * given.smooth, "smooth_root": 1.0, "smooth_turn": 1.0}
+    )
     exact = replace(given, **calm, rest=EXACT * given.rest, swing=0.0)
     kinds = [kind.for_robot() for kind in KINDS]
     return solve(

@@ -41,8 +41,10 @@ LEGS = ("auto", "follow", "stand")
 MODES = ("auto", "static", "dynamic", "off")
 
 
-def balance_of(robot: Robot, legs: str, balance: str) -> str:
-    """Return the mode of balance for a robot: the given one, or the resolved one for `auto`.
+def balance_modes(robot: Robot, legs: str, balance: str) -> tuple[str, ...]:
+    """Return the modes of balance to try, in order of preference; none leaves a motion as it is.
+
+    A robot in static balance may halt at any time. Dynamic balance needs less time for a step.
 
     Raises:
         UsageError: an unknown choice, or legs that stand without balance.
@@ -53,16 +55,21 @@ def balance_of(robot: Robot, legs: str, balance: str) -> str:
             raise UsageError(f"unknown {what} {choice!r}; {known(choices, typed=choice)}")
     if legs == "stand" and balance == "off":
         raise UsageError("legs 'stand' needs balance: 'static' or 'dynamic'")
-    servos = robot.floating and robot.servo_map is not None
-    mode = ("static" if servos or legs == "stand" else "off") if balance == "auto" else balance
-    if mode != "off" and not robot.floating:
-        raise BalanceError(f"balance {mode!r} needs a robot with a free root; the root of {robot.name!r} is not free")
-    return mode
+    if balance == "auto":
+        free = robot.floating and robot.servo_map is not None
+        modes = ("static",) if legs == "stand" else ("static", "dynamic") if free else ()
+    else:
+        modes = () if balance == "off" else (balance,)
+    if modes and not robot.floating:
+        raise BalanceError(
+            f"balance {modes[0]!r} needs a robot with a free root; the root of {robot.name!r} is not free"
+        )
+    return modes
 
 
 @dataclass(frozen=True)
 class Acceptable:
-    """Limits of a playback with following legs; beyond them both feet stay in place."""
+    """Limits of a playback with following legs; beyond them the next mode is tried, and then both feet stay in place."""
 
     slowdown: float = 2.5
     """Duration, over the human's [-]."""
@@ -70,12 +77,21 @@ class Acceptable:
     """Mean angle of thighs and shins to the human's [rad]."""
     trunk: float = 0.25
     """Mean angle of the trunk [rad]."""
+    margin: float = 0.0
+    """Least distance of the zero moment point from the edge of the support [m]."""
 
 
 def in_balance(
-    graph: RobotGraph, draft: Solution, legs: str, mode: str, progress: Progress | None = None
+    graph: RobotGraph, draft: Solution, legs: str, modes: tuple[str, ...], progress: Progress | None = None
 ) -> tuple[Balanced, RobotGraph, Solution]:
     """Bring a draft into balance; return the playback, the graph at its frames, and its solution.
+
+    Args:
+        graph: of the draft.
+        draft: a solution without balance.
+        legs: `auto`, `follow` or `stand`.
+        modes: of balance, in order of preference.
+        progress: receives (steps done, steps in all).
 
     Raises:
         BalanceError: the motion leaves the floor, something holds the human up, or the robot has fewer than two feet.
@@ -83,18 +99,44 @@ def in_balance(
     if len(graph.match.anatomy.soles) < 2:
         raise BalanceError(f"{graph.robot.name} has no two feet to stand on: do without balance (balance 'off')")
     ik, count = BalancedIk(graph), Count(progress, expected_steps(graph))
-    if legs == "stand":
-        return _played_as(ik, draft, "stand", mode, count)
-    acceptable = Acceptable() if legs == "auto" else None
-    try:
-        require_own_feet(graph.human.activity)
-        return _played_as(ik, draft, "follow", mode, count, acceptable)
-    except BalanceError as error:
-        if legs == "follow":
-            raise
-        reason = str(error).split(": a robot that stands free")[0]
-    balanced, graph, solution = _played_as(ik, draft, "stand", mode, count)
-    return replace(balanced, instead=reason), graph, solution
+    reason = ""
+    if legs != "stand":
+        try:
+            require_own_feet(graph.human.activity)
+            return _following(ik, draft, modes, count, Acceptable() if legs == "auto" else None)
+        except BalanceError as error:
+            if legs == "follow":
+                raise
+            reason = str(error).split(": a robot that stands free")[0]
+    balanced, graph, solution = _played_as(ik, draft, _standing(ik, draft.trajectory.qpos), modes[0], count)
+    return replace(balanced, legs="stand", instead=reason), graph, solution
+
+
+def _following(
+    ik: BalancedIk, draft: Solution, modes: tuple[str, ...], count: Count, acceptable: Acceptable | None
+) -> tuple[Balanced, RobotGraph, Solution]:
+    """Return a playback with following legs in the first mode in which it is acceptable.
+
+    Args:
+        acceptable: limits of the last mode.
+
+    Raises:
+        BalanceError: the motion leaves the floor, or no mode is acceptable.
+    """
+    clip = _stepping(ik, draft.trajectory.qpos)
+    for mode in modes[:-1]:
+        try:
+            return _played_as(ik, draft, clip, mode, count, Acceptable())
+        except BalanceError:
+            continue
+    return _played_as(ik, draft, clip, modes[-1], count, acceptable)
+
+
+def _require_margin(found: Balanced, least: Acceptable) -> None:
+    """Raises: BalanceError: the zero moment point leaves the support."""
+    worst = int(found.margin.argmin())
+    if found.margin[worst] < least.margin:
+        raise BalanceError(f"stepping would tip the robot over at {worst / found.timeline.fps:.1f} s of the playback")
 
 
 def _require_alike(graph: RobotGraph, qpos: Floats, frames: np.ndarray, most: Acceptable) -> None:
@@ -107,25 +149,24 @@ def _require_alike(graph: RobotGraph, qpos: Floats, frames: np.ndarray, most: Ac
 
 
 def _played_as(
-    ik: BalancedIk, draft: Solution, legs: str, mode: str, count: Count, acceptable: Acceptable | None = None
+    ik: BalancedIk, draft: Solution, clip: PlaybackClip, mode: str, count: Count, acceptable: Acceptable | None = None
 ) -> tuple[Balanced, RobotGraph, Solution]:
-    """Return a playback with following or standing legs.
+    """Return the playback of a clip in a mode of balance.
 
     Raises:
-        BalanceError: the motion leaves the floor, or the result is not acceptable.
+        BalanceError: the result is not acceptable.
     """
-    qpos, graph = draft.trajectory.qpos, ik.graph
-    clip = _standing(ik, qpos) if legs == "stand" else _stepping(ik, qpos)
     slowest = acceptable.slowdown if acceptable else np.inf
-    found = replace(paced(ik, clip, Steadiness(static=mode == "static"), count, slowest), legs=legs)
+    found = replace(paced(ik, clip, Steadiness(static=mode == "static"), count, slowest), mode=mode)
     frames = np.round(found.timeline.at).astype(int)
-    motion = at_frames(clip.graph.motion, found.timeline.at, graph.fps)
+    motion = at_frames(clip.graph.motion, found.timeline.at, ik.graph.fps)
     played = replace(clip.graph.at(frames), motion=motion, tracks=found.tracks)
     if acceptable:
+        _require_margin(found, acceptable)
         _require_alike(played, found.qpos, found.timeline.share >= 1, acceptable)
     solution = solution_of(ik.solver, played, list(found.poses), draft.timings)
-    times = np.interp(found.timeline.at, np.arange(len(graph)), draft.trajectory.source_time)
-    return found, played, replace(solution, trajectory=replace(solution.trajectory, source_time=times))
+    times = np.interp(found.timeline.at, np.arange(len(ik.graph)), draft.trajectory.source_time)
+    return found, played, replace(solution, trajectory=replace(solution.trajectory, balance=mode, source_time=times))
 
 
 def _standing(ik: BalancedIk, draft: Floats) -> PlaybackClip:

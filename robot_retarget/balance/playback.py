@@ -52,14 +52,16 @@ class Balanced:
     """Duration within the clip over the clip's own."""
     stride: float
     """Length of the steps over the clip's own."""
-    legs: str
-    """`follow` or `stand`."""
     zmp: Floats
     """(K, 2) zero moment point [m]."""
     margin: Floats
     """(K,) margin of the zero moment point inside the full support polygon [m]."""
     friction: Floats
     """(K,) friction coefficient that the soles need."""
+    legs: str = "follow"
+    """`follow` or `stand`."""
+    mode: str = "static"
+    """`static` or `dynamic`."""
     instead: str = ""
     """Reason for both feet in place, if the legs were to follow when possible."""
 
@@ -74,8 +76,9 @@ class Balanced:
         slower = f"slowed down {self.slowdown:.2f} times" if self.slowdown > 1.005 else "played at its own pace"
         shorter = f", steps shortened to {self.stride:.2f} of their length" if self.stride < 0.995 else ""
         feet = ", both feet in place" if self.legs == "stand" else ""
+        mode = " dynamically: it cannot halt within a step" if self.mode == "dynamic" else ""
         why = (f"both feet stay in place: {self.instead}",) if self.instead else ()
-        return (f"balanced: {slower}{shorter}{feet}, with a stand before and after", *why)
+        return (f"balanced{mode}: {slower}{shorter}{feet}, with a stand before and after", *why)
 
 
 def expected_steps(graph: RobotGraph) -> int:
@@ -119,6 +122,7 @@ def _with_time_for_weight(
 ) -> tuple[Floats, PlaybackPlan]:
     """Return frame durations (T − 1,) that give every shift of weight its time, and the plan with them."""
     stretch = least_durations(clip.planted, clip.fps, pacing)
+    _require_pace(stretch, slowest)
     plan = plan_playback(ik, clip, stretch, how)
     for _ in range(pacing.shifts):
         late = plan.zmp.excess > pacing.excess
@@ -165,7 +169,6 @@ def played(ik: BalancedIk, clip: PlaybackClip, plan: PlaybackPlan, count: Count,
         plan.zmp,
         plan.slowdown,
         plan.stride,
-        "follow",
         pressed.point,
         margin,
         pressed.friction(standing),

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 DEFAULT_ROBOT = "op3"
 ROBOT = "A shipped name (op3), an MJCF file, or a robot_descriptions name"
 BALANCE = (
-    "static (centre of mass over the soles), dynamic (zero moment point), off; auto: static for robots with a "
-    "servos.toml and for legs that stand."
+    "static (centre of mass over the soles), dynamic (zero moment point), off; auto: for robots with a servos.toml static, or "
+    "dynamic where static steps take too long; static for legs that stand."
 )
 OUT = ("-o", "--out", "--output")
 

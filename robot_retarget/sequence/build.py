@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.balance.balance import balance_of
+from robot_retarget.balance.balance import balance_modes
 from robot_retarget.errors import TrajectoryError, UsageError
 from robot_retarget.formats import load_trajectory
 from robot_retarget.human.motion import Motion
@@ -75,7 +75,7 @@ def sequence(
             raise UsageError(f"the {what} must be positive, got {value:g}")
     if len(at) >= len(clips):
         raise UsageError(f"{len(at)} seams were given, {len(clips)} clips have {len(clips) - 1}")
-    planned = balance_of(model, legs, balance) != "off"
+    planned = bool(balance_modes(model, legs, balance))
     parts = _parts(clips, model)
     wanted = [*at, *[None] * (len(parts) - 1 - len(at))]
     seams = [
@@ -113,7 +113,7 @@ def splice(
     model = as_robot(robot)
     lower, upper = _parts([legs, arms], model)
     motion = spliced(lower.motion, upper.motion)
-    if balance_of(model, "auto", balance) != "off":
+    if balance_modes(model, "auto", balance):
         motion = motion.frames(lower.lead_in, len(motion) - lower.lead_out)
     return carried(motion, model, balance=balance, **options)
 

@@ -29,6 +29,7 @@ class Row:
     kind: str
     legs: str
     verdict: str
+    mode: str = ""
     slowdown: float | None = None
     stride: float | None = None
     slip_cm: float | None = None
@@ -46,7 +47,7 @@ def judged(clip: Path, robot: rr.Robot, legs: str, count: int, feedback: bool | 
     motion = motion.resample(min(motion.fps, MOST_FPS))
     head = robot.name, clip.stem, features_of(motion, rr.match(motion, robot)).activity.kind, legs
     try:
-        result = rr.solve(rr.describe(motion, robot), legs=legs, balance="static")
+        result = rr.solve(rr.describe(motion, robot), legs=legs, balance="auto" if robot.servo_map else "static")
     except (BalanceError, MatchError) as error:
         return Row(*head, "refused", reasons=str(error).split(":")[0])
     assert result.balance is not None
@@ -55,6 +56,7 @@ def judged(clip: Path, robot: rr.Robot, legs: str, count: int, feedback: bool | 
     return Row(
         *head,
         report.badge.text,
+        result.balance.mode,
         round(result.balance.slowdown, 2),
         round(result.balance.stride, 2),
         round(100 * (figures["foot_slip_m"] or 0.0), 1),
