@@ -356,8 +356,9 @@ def load(name: str, limits: Path | None = None, servos: str | None = None) -> "R
     return load_robot(name, limits, servos)
 
 
-def solved(graph: "RobotGraph", how: FollowOptions, progress: "Progress") -> "Result":
+def solved(graph: "RobotGraph", how: FollowOptions, progress: "Progress", threads: int = 1) -> "Result":
     """Return the trajectory of a graph."""
     from robot_retarget.pipeline import solve
+    from robot_retarget.solve.options import SolveOptions
 
-    return solve(graph, legs=how.legs, balance=how.balance, progress=progress)
+    return solve(graph, options=SolveOptions(threads=threads), legs=how.legs, balance=how.balance, progress=progress)

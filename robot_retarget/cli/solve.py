@@ -62,6 +62,13 @@ class SolvedOptions(OutputOptions):
         console.say(f"wrote {self.output}")
 
 
+@options
+class EffortOptions:
+    """How many cores a clip takes."""
+
+    threads: int = option("Threads that share its frames; the result is the same.", default=1, min=1)
+
+
 @command(commands, epilog="Example: robot-retarget solve dance.bvh --robot op3 -o dance.npz")
 def solve(
     clip: PerformerOptions,
@@ -69,6 +76,7 @@ def solve(
     robot: DefaultRobotOptions,
     goals: EditedGraphOptions,
     following: FollowOptions,
+    effort: EffortOptions,
     printing: PrintOptions,
 ) -> None:
     """Retarget a motion: the trajectory only. Exit code 1 if a hard edge of --edges is not met."""
@@ -79,7 +87,7 @@ def solve(
     for name, performer in clip.performers().items():
         motion = performer.load()
         with progress() as begin:
-            result = solved(goals.describe(motion, model), following, begin("retarget"))
+            result = solved(goals.describe(motion, model), following, begin("retarget"), effort.threads)
         to.of(name).save(result, printing)
         unmet |= bool(unmet_of_user(result.solution.unmet))
     if unmet:

@@ -65,6 +65,8 @@ class RowStates:
     """Lower bounds, upper bounds and π (N, E) of the kind's edges; None where a repair asks for overlaps."""
     memory: dict[str, Any]
     """State of the kind between evaluations, per solver and track."""
+    threads: int = 1
+    """Number of threads among which the configurations may be shared."""
 
     def at(self, frame: int) -> RowState:
         """Return one of them."""

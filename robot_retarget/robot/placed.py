@@ -88,6 +88,10 @@ class Placed:
     def __len__(self) -> int:
         return len(self.positions)
 
+    def rows(self, rows: slice) -> "Placed":
+        """Return the arrays of some of the configurations."""
+        return Placed(*(column[rows] for column in vars(self).values()))
+
     def matrices(self, frame: Ints, geom: Ints) -> Floats:
         """Return the rotations (C, 3, 3) of geoms (C,) in configurations (C,)."""
         count = self.positions.shape[1]

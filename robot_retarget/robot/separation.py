@@ -8,6 +8,7 @@ overlap by construction.
 
 import copy
 from itertools import pairwise
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import mujoco
@@ -20,12 +21,14 @@ from robot_retarget.robot.geoms import allowed, touchable
 from robot_retarget.robot.kinematics import carrying
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.placed import GeomDistances, Placed, joined, views
+from robot_retarget.robot.threads import in_parts
 
 STILL = 0.4
 """Share of the reach within which the floor is watched [-]: it does not move."""
 TIE = 1e-6
 """Links that overlap deeper at rest are left out [m]: far above the engine's rounding."""
 _YZX = [1, 2, 0]
+_NONE = np.zeros(0), np.zeros((0, 2), dtype=np.int64)
 _KEPT: WeakKeyDictionary[Robot, dict[float, tuple[mujoco.MjModel, mujoco.MjModel]]] = WeakKeyDictionary()
 
 
@@ -50,15 +53,13 @@ class Separation:
         """
         self.plain, self.model = _models(robot, reach)
         self.reach = reach
-        self.data: mujoco.MjData = mujoco.MjData(self.model)
-        self.touching: mujoco.MjData = mujoco.MjData(self.plain)
+        self.places: list[_Places] = [_Places(self.model, self.plain)]
         self.bodies: Ints = np.append(np.asarray(self.model.geom_bodyid), 0)
         """(G + 1,) that geoms belong to; the floor, which comes last, to the world."""
         self.trees: Ints = np.asarray(self.model.body_rootid)[self.bodies]
         carried = carrying(self.model).astype(float)
         self.between: Floats = (carried[None] - carried[:, None]).reshape(-1, self.model.nv)
         """(B², nv) +1 where a dof carries the second of two bodies alone, −1 where it carries the first."""
-        self._views = views(self.data)  # to ask for one takes as long as to use it
         solid = _moves(self.model)
         self.counts: Bools = np.logical_and.outer(solid, solid)
         self.rest: Floats = np.full((self.model.ngeom + 1,) * 2, np.inf)
@@ -77,16 +78,17 @@ class Separation:
         found, slope = self.along(qpos[None])
         return found.distance, found.geoms, slope
 
-    def along(self, qpos: Floats) -> tuple[GeomDistances, Floats]:
+    def along(self, qpos: Floats, threads: int = 1) -> tuple[GeomDistances, Floats]:
         """Return all places where links are near each other or near the floor, in order of the configurations.
 
         Args:
             qpos: (N, nq).
+            threads: number of threads among which MuJoCo's calls are shared.
 
         Returns:
             C places, and slopes of their distances by v (C, nv).
         """
-        placed, parts = self._measured(qpos)
+        placed, parts = self._measured(qpos, threads)
         if self.floor is not None:
             parts += self.floor.near(placed)
         found = joined(parts).in_order()
@@ -117,16 +119,31 @@ class Separation:
         return float(self.overlaps(qpos)[0].max(initial=0.0))
 
     def overlaps(self, qpos: Floats) -> tuple[Floats, Ints]:
-        """Return depths (C,) [m] and geoms (C, 2) of overlapping links, by MuJoCo's contacts.
+        """Return depths (C,) [m] and geoms (C, 2) of overlapping links at a configuration (nq,)."""
+        return self.overlaps_along(qpos[None])[0]
+
+    def overlaps_along(self, qpos: Floats, threads: int = 1) -> list[tuple[Floats, Ints]]:
+        """Return the same at configurations (N, nq), by MuJoCo's contacts.
 
         This model has no margins: contacts take a third of the time, and a twentieth for robots of many boxes.
         """
-        self.touching.qpos[:] = qpos
-        mujoco.mj_kinematics(self.plain, self.touching)
-        mujoco.mj_collision(self.plain, self.touching)
-        found = self.touching.contact
+        found = in_parts(lambda k, rows: self._touching(self.places[k], qpos[rows]), len(qpos), self._ready(threads))
+        return [each for part in found for each in part]
+
+    def _touching(self, places: "_Places", qpos: Floats) -> list[tuple[Floats, Ints]]:
+        """Return the overlaps at configurations (N, nq), one after the other."""
+        data, every = places.touching, []
+        for q in qpos:
+            data.qpos[:] = q
+            mujoco.mj_kinematics(self.plain, data)
+            mujoco.mj_collision(self.plain, data)
+            every.append(self._overlapping(data.contact))
+        return every
+
+    def _overlapping(self, found: Any) -> tuple[Floats, Ints]:
+        """Return depths and geoms of the contacts that count."""
         if found.dist.min(initial=0.0) >= 0:
-            return np.zeros(0), np.zeros((0, 2), dtype=np.int64)
+            return _NONE
         first, second = found.geom.T
         counted = np.flatnonzero(self.counts[first, second] & (found.dist < 0))
         return -found.dist[counted], found.geom[counted]
@@ -135,21 +152,36 @@ class Separation:
         """Return the depths (N,) of links other than feet under the floor at configurations (N, nq) [m], 0 if all are above it."""
         if self.floor is None:
             return np.zeros(len(qpos))
-        return self.floor.depth(Placed.at(self.model, self.data, qpos))
+        return self.floor.depth(Placed.at(self.model, self.places[0].data, qpos))
 
-    def _measured(self, qpos: Floats) -> tuple[Placed, list[GeomDistances]]:
-        """Place the robot in configurations (N, nq); return also where links are near each other, in parts."""
-        placed, data, contacts = Placed.empty(self.model, len(qpos)), self.data, []
-        columns = vars(placed).values()
+    def _ready(self, threads: int) -> int:
+        """Return the number of threads, each with data of its own."""
+        self.places += [_Places(self.model, self.plain) for _ in range(len(self.places), threads)]
+        return threads
+
+    def _contacts(self, places: "_Places", qpos: Floats, placed: Placed) -> list[tuple[np.ndarray, ...]]:
+        """Return MuJoCo's contacts at configurations (N, nq), one after the other; fill in where the robot is."""
+        data, columns, contacts = places.data, vars(placed).values(), []
         for k, q in enumerate(qpos):
             data.qpos[:] = q
             mujoco.mj_kinematics(self.model, data)
             mujoco.mj_comPos(self.model, data)
             mujoco.mj_collision(self.model, data)
-            for column, view in zip(columns, self._views, strict=True):
+            for column, view in zip(columns, places.views, strict=True):
                 column[k] = view
             each = data.contact
             contacts.append((each.dist.copy(), each.geom.copy(), each.pos.copy(), each.frame[:, :3].copy()))
+        return contacts
+
+    def _measured(self, qpos: Floats, threads: int = 1) -> tuple[Placed, list[GeomDistances]]:
+        """Place the robot in configurations (N, nq); return also where links are near each other, in parts."""
+        placed = Placed.empty(self.model, len(qpos))
+        found = in_parts(
+            lambda k, rows: self._contacts(self.places[k], qpos[rows], placed.rows(rows)),
+            len(qpos),
+            self._ready(threads),
+        )
+        contacts = [each for part in found for each in part]
         frame = np.repeat(np.arange(len(qpos)), [len(each[0]) for each in contacts])
         found = GeomDistances(
             frame, *(contacts[0] if len(contacts) == 1 else map(np.concatenate, zip(*contacts, strict=True)))
@@ -172,6 +204,15 @@ class Separation:
             self.rest[a, b] = self.rest[b, a] = min(self.rest[a, b], gap)
 
 
+class _Places:
+    """MuJoCo's data of one thread."""
+
+    def __init__(self, model: mujoco.MjModel, plain: mujoco.MjModel):
+        """Make the data of the model with margins and of the plain one."""
+        self.data, self.touching = mujoco.MjData(model), mujoco.MjData(plain)
+        self.views: tuple[Floats, ...] = views(self.data)  # to ask for one takes as long as to use it
+
+
 def _models(robot: Robot, reach: float) -> tuple[mujoco.MjModel, mujoco.MjModel]:
     """Return the robot's model without margins, and the same with margins of half the reach [m]; no one changes them.
 
@@ -190,7 +231,8 @@ def _with_margins(plain: mujoco.MjModel, reach: float) -> mujoco.MjModel:
     model.body_margin[:] = reach / 2  # the broad phase uses the margins of bodies
     model.pair_margin[:] = reach
     model.geom_gap[:] = model.pair_gap[:] = 0.0
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_MULTICCD  # a distance has one place: the nearest
+    several = mujoco.mjtDisableBit.mjDSBL_MULTICCD  # pyright: ignore[reportAttributeAccessIssue]
+    model.opt.disableflags |= several  # a distance has one place, the nearest
     still = ~_moves(model)
     model.geom_contype[still] = model.geom_conaffinity[still] = 0  # the floor of a scene costs time
     return model

@@ -4,7 +4,6 @@ Functions of one frame are mapped over frames: one call evaluates a block of the
 """
 
 from collections.abc import Callable, Sequence
-from functools import cached_property
 from pathlib import Path
 from threading import Thread
 
@@ -82,14 +81,17 @@ class Mapped:
 
     def __init__(self, function: ca.Function):
         self.single, self._function = Compiled(function), function
+        self._blocks: dict[int, Compiled] = {}
         self.shapes = self.single.shapes
 
-    @cached_property
-    def block(self) -> Compiled:
-        """The function of `BLOCK` frames."""
-        return Compiled(self._function.map(BLOCK), BLOCK)
+    def block(self, threads: int) -> Compiled:
+        """Return the function of `BLOCK` frames, which are shared among threads."""
+        if threads not in self._blocks:
+            shared = self._function.map(BLOCK, "thread", threads) if threads > 1 else self._function.map(BLOCK)
+            self._blocks[threads] = Compiled(shared, BLOCK)
+        return self._blocks[threads]
 
-    def __call__(self, *values: Floats) -> list[Floats]:
+    def __call__(self, *values: Floats, threads: int = 1) -> list[Floats]:
         """Return the results for arguments (N, …): vectors (N, rows), matrices (N, rows, columns); without N for one frame."""
         if values[0].ndim == 1:
             return self.single(*values)
@@ -100,7 +102,7 @@ class Mapped:
         for first in range(0, count, BLOCK):
             last = min(first + BLOCK, count)
             if 2 * (last - first) > BLOCK:
-                self.block.fill(values, results, slice(first, last))
+                self.block(threads).fill(values, results, slice(first, last))
             else:
                 for k in range(first, last):
                     self.single.fill(values, results, slice(k, k + 1))
@@ -117,9 +119,9 @@ class Upgraded:
         self._serves, self.native = Mapped(function), native
         self.shapes = self._serves.shapes
 
-    def __call__(self, *values: Floats) -> list[Floats]:
+    def __call__(self, *values: Floats, threads: int = 1) -> list[Floats]:
         """Evaluate as `Mapped` does."""
-        return self._serves(*values)
+        return self._serves(*values, threads=threads)
 
     def upgrade(self, code: ca.Function) -> None:
         """Evaluate machine code from now on."""
@@ -165,8 +167,8 @@ class Build:
 class QuadraticPrograms:
     """minimise ½ xᵀHx + gᵀx  subject to  lower ≤ x ≤ upper,  row_lower ≤ A x, for N frames; DAQP's dual active set."""
 
-    def __init__(self, variables: int):
-        self.variables = variables
+    def __init__(self, variables: int, threads: int = 1):
+        self.variables, self.threads = variables, threads
         self._run: dict[int, Mapped] = {}
 
     def solve(
@@ -222,7 +224,7 @@ class QuadraticPrograms:
         self, hessian: Floats, gradient: Floats, lower: Floats, upper: Floats, rows: Floats, row_lower: Floats
     ) -> tuple[Floats, Bools]:
         """Solve with all of some rows; return also whether bounds hold (N,)."""
-        found = self._mapped(rows.shape[1])(hessian, gradient, rows, lower, upper, row_lower)[0]
+        found = self._mapped(rows.shape[1])(hessian, gradient, rows, lower, upper, row_lower, threads=self.threads)[0]
         x = found.clip(lower, upper)
         return x, np.abs(x - found).max(axis=1) <= WITHIN
 

@@ -33,6 +33,8 @@ class SolveOptions:
     """Deeper interpenetration of links is not accepted [m]."""
     floor_tolerance: float = 1e-4
     """A start that violates an inequality by more takes its first steps at any cost [m]."""
+    threads: int = 1
+    """Threads that share the frames of a pass; the result does not depend on their number."""
 
 
 @dataclass(frozen=True)

@@ -106,9 +106,10 @@ class Problem:
         for part in (*self.parts, *self.stencils, self.inequalities):
             part.build.wait()
 
-    def model(self, q: Floats, targets: Targets) -> tuple[Floats, Floats, Floats]:
+    def model(self, q: Floats, targets: Targets, threads: int = 1) -> tuple[Floats, Floats, Floats]:
         """The cost at configurations (…, nq), gradient (…, nv) and normal matrix (…, nv, nv)."""
-        (cost, gradient, normal), *others = [part.model(q, *part.of(targets)) for part in self.parts]
+        found = [part.model(q, *part.of(targets), threads=threads) for part in self.parts]
+        (cost, gradient, normal), *others = found
         for more in others:
             cost, gradient, normal = cost + more[0], gradient + more[1], normal + more[2]
         return cost[..., 0], gradient, normal

@@ -96,8 +96,9 @@ class NumericTrack:
     track: Track
     columns: slice
 
-    def __init__(self, problem: Problem, track: Track, reach: float):
-        self.problem, self.track, self.columns, self.reach = problem, track, problem.columns[track.name], reach
+    def __init__(self, problem: Problem, track: Track, options: SolveOptions):
+        self.problem, self.track, self.columns = problem, track, problem.columns[track.name]
+        self.reach, self.threads = options.reach * problem.leg, options.threads
         self._memory: dict[str, object] = {}
 
     def state(
@@ -131,7 +132,7 @@ class NumericTrack:
         """Return where an inequality is evaluated: at configurations (N, nq)."""
         own = self.columns
         sides = None if targets is None else (targets.lower[:, own], targets.upper[:, own], targets.priority[:, own])
-        return RowStates(self.problem.robot, self.problem.match, q, self.reach, sides, self._memory)
+        return RowStates(self.problem.robot, self.problem.match, q, self.reach, sides, self._memory, self.threads)
 
     def near(self, q: Floats, targets: ClipTargets) -> LinearizedDistances:
         """Return the rows of an inequality at configurations (N, nq)."""
@@ -155,8 +156,7 @@ class CostModel:
 
     def __init__(self, problem: Problem, options: SolveOptions):
         self.problem, self.robot, self.leg, self.options = problem, problem.robot, problem.leg, options
-        reach = options.reach * self.leg
-        numeric = [NumericTrack(problem, t, reach) for t in problem.tracks if t.kind.form is Form.NUMERIC]
+        numeric = [NumericTrack(problem, t, options) for t in problem.tracks if t.kind.form is Form.NUMERIC]
         self.numeric = [each for each in numeric if each.track.role is Role.COST]
         self.alone = [each for each in self.numeric if each.track.stencil == FRAME]
         self.changing = [each for each in self.numeric if each.track.stencil != FRAME]
@@ -193,7 +193,7 @@ class CostModel:
 
     def _costs(self, q: Floats, targets: ClipTargets) -> tuple[Floats, Floats, Floats]:
         """Return cost, gradient and normal matrix of the costs of single frames."""
-        total, gradient, normal = self.problem.model(q, targets)
+        total, gradient, normal = self.problem.model(q, targets, self.options.threads)
         for k in range(len(q) if self.alone else 0):
             for found in self.terms(q[k], targets.at(k)):
                 total[k] += found[0]

@@ -42,7 +42,7 @@ class FrameSolver:
         self._dofs, self._angles, self._root = map(as_slice, (self.hinges, self.robot.qpos_index, self.roots))
         self.costs: CostModel = CostModel(problem, self.options)
         slack = 1  # of separation; it stands last
-        self.programs: QuadraticPrograms = QuadraticPrograms(self.robot.model.nv + slack)
+        self.programs: QuadraticPrograms = QuadraticPrograms(self.robot.model.nv + slack, self.options.threads)
 
     def solve_frame(
         self,

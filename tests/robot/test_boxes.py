@@ -90,7 +90,7 @@ def test_nothing_that_is_near_goes_unseen() -> None:
         for pair, gap in zip(map(tuple, np.sort(geoms, axis=1).tolist()), gaps, strict=True):
             least[pair] = min(least[pair], gap)
         for (a, b), gap in least.items():
-            distance = mujoco.mj_geomDistance(separation.model, separation.data, a, b, reach, None)
+            distance = mujoco.mj_geomDistance(separation.model, separation.places[0].data, a, b, reach, None)
             if distance < reach - 1e-4:
                 assert abs(gap - distance) < 5e-4, (robot.model.geom(a), robot.model.geom(b))
                 compared += 1

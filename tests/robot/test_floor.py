@@ -67,7 +67,7 @@ def test_what_is_near_the_floor_is_as_near_as_mujoco_says(seed: int) -> None:
     qpos = fallen(robot, seed)
     separation.near(qpos)
     assert separation.floor is not None
-    near = joined(separation.floor.near(Placed.of(separation.data)))
+    near = joined(separation.floor.near(Placed.of(separation.places[0].data)))
     expected = {int(name.split()[1]): distance for name, distance in by_mujoco(robot, qpos).items()}
     here = least_of(near.geoms[:, 1], near.distance)
     assert len(expected) > 2

@@ -49,7 +49,7 @@ def test_slopes_are_the_rows_of_mujocos_constraints() -> None:
     model.opt.disableflags |= off.mjDSBL_EQUALITY | off.mjDSBL_FRICTIONLOSS | off.mjDSBL_LIMIT
     for q in drawn(0, 20):
         _, geoms, slope = separation.near(q)
-        data = separation.data
+        data = separation.places[0].data
         mujoco.mj_makeConstraint(model, data)
         rows = data.efc_J.reshape(-1, model.nv)
         for contact in data.contact:

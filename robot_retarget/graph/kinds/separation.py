@@ -39,7 +39,7 @@ class SeparationKind(Kind):
     def clip_rows(self, track: Track, states: RowStates) -> ClipRows:
         """Return the distances of near surfaces; surfaces without an edge may overlap."""
         watched = _watched(track, states)
-        found, slope = watched.surfaces.along(states.qpos)
+        found, slope = watched.surfaces.along(states.qpos, states.threads)
         pair = found.geoms @ (len(watched.edges), 1)
         edges, rest = watched.edges.take(pair), watched.surfaces.rest.take(pair)
         if edges.min(initial=0) >= 0:
@@ -50,7 +50,7 @@ class SeparationKind(Kind):
     def overlap(self, track: Track, states: RowStates) -> Floats:
         """Return the depths of the deepest overlaps of two links [m]."""
         watched, found = _watched(track, states), np.zeros(len(states.qpos))
-        for k, (depth, geoms) in enumerate(map(watched.surfaces.overlaps, states.qpos)):
+        for k, (depth, geoms) in enumerate(watched.surfaces.overlaps_along(states.qpos, states.threads)):
             if len(depth):
                 found[k] = depth[watched.edges[tuple(geoms.T)] >= 0].max(initial=0.0)
         return found
