@@ -99,7 +99,7 @@ def paced(ik: BalancedIk, clip: PlaybackClip, how: Steadiness, count: Count, slo
     Raises:
         BalanceError: it needs more than `slowest` times the human's time.
     """
-    chosen = Pacing()
+    chosen = Pacing() if how.static else Pacing(transfer=0.0)  # momentum carries the weight over
     stretch, plan = _with_time_for_weight(ik, clip, how, chosen, slowest, count)
     found = played(ik, clip, plan, count)
     for number in range(chosen.rounds):

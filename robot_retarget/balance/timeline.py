@@ -32,6 +32,8 @@ class Pacing:
     """The planned centre of mass may leave its polygon by this [m]."""
     swing: float = 0.8
     """Least duration of a swing [s]: a leg that swings forward pushes the body back."""
+    transfer: float = 0.2
+    """Least duration of a shift of weight, with all feet on the floor [s]: on a foot that lands a little tilted, the body sways."""
     shift: float = 1.25
     """Factor per round on frames with all feet on the floor, near a shift of weight that comes too late."""
     near: float = 0.5
@@ -41,7 +43,7 @@ class Pacing:
     most: float = 1.5
     """Largest factor on any frame per round."""
     blend: float = 0.07
-    """Time over which the pace changes, in time of the clip [s]."""
+    """Time over which the pace changes, in time of the playback [s]."""
     shifts: int = 24
     """Number of rounds of shifting weight, which are cheap ..."""
     rounds: int = 4
@@ -62,21 +64,22 @@ class Timeline:
 
 
 def least_durations(planted: np.ndarray, fps: float, pacing: Pacing) -> Floats:
-    """Return the durations of frames that give every swing of a foot its least duration.
+    """Return the durations of frames that give every swing of a foot, and every shift of weight between two, its least duration.
 
     Args:
         planted: (T, F) feet on the floor.
         fps: frames per second of the clip [1/s].
-        pacing: the least duration of a swing, and the largest slowdown.
+        pacing: the least durations, and the largest slowdown.
 
     Returns:
         (T − 1,) durations over 1/fps [-].
     """
     factor = np.ones(len(planted) - 1)
-    for foot in planted.T:
-        for start, stop in intervals(~foot):
-            part = slice(max(start - 1, 0), stop)
-            factor[part] = np.maximum(factor[part], pacing.swing * fps / (stop - start + 1))
+    swings = [(span, pacing.swing, 1) for foot in planted.T for span in intervals(~foot)]
+    shifts = [(span, pacing.transfer, 0) for span in intervals(np.asarray(planted.all(axis=1)))]
+    for (start, stop), least, more in swings + shifts:
+        part = slice(max(start - 1, 0), stop)
+        factor[part] = np.maximum(factor[part], least * fps / (stop - start + more))
     return _capped(factor, pacing)
 
 
@@ -89,14 +92,15 @@ def stretched(stretch: Floats, timeline: Timeline, needs: Floats, pacing: Pacing
         needs: (K,) factors by which the frames must last longer [-].
         pacing: the blend and the largest slowdown.
     """
-    left = np.minimum(timeline.at.astype(int), len(stretch) - 1)
-    inside = timeline.share >= 1
-    factor = np.ones(len(stretch))
-    np.maximum.at(factor, left[inside], needs[inside])
-    width = pacing.blend * timeline.fps
-    wide = maximum_filter1d(factor, 2 * round(2 * width) + 1, mode="nearest")
-    slower = stretch * np.exp(gaussian_filter1d(np.log(wide), width, mode="nearest"))
-    return _capped(slower, pacing)
+    inside, width = timeline.share >= 1, pacing.blend * timeline.fps
+    wide = maximum_filter1d(np.where(inside, needs, 1.0), 2 * round(2 * width) + 1, mode="nearest")
+    slower = np.exp(gaussian_filter1d(np.log(wide), width, mode="nearest"))[inside]
+    at, last = timeline.at[inside], len(stretch) - 1
+    factor = np.interp(np.arange(len(stretch)) + 0.5, at, slower)
+    np.maximum.at(
+        factor, np.minimum(at.astype(int), last), slower
+    )  # the first and the last pose last longer than a frame
+    return _capped(stretch * factor, pacing)
 
 
 def _capped(stretch: Floats, pacing: Pacing) -> Floats:

@@ -19,7 +19,7 @@ from robot_retarget.balance.playback_plan import LIFT, SLOWEST_LIFT, PlaybackCli
 from robot_retarget.balance.stand import balanced_stand, stand_places
 from robot_retarget.balance.support import planted_feet, without_small_swings
 from robot_retarget.balance.swing import foothold_places
-from robot_retarget.balance.timeline import Pacing, least_durations, motion_needs
+from robot_retarget.balance.timeline import Pacing, Timeline, least_durations, motion_needs, stretched
 from robot_retarget.balance.zmp import Steadiness, plan_centre
 from robot_retarget.errors import BalanceError, UsageError
 from robot_retarget.result import Result
@@ -114,11 +114,35 @@ def test_a_dynamic_plan_keeps_the_zero_moment_point_over_feet_that_the_mass_swin
     assert min(p.margin(x) for p, x in zip(supports, c, strict=True)) < 0
 
 
-def test_swings_are_given_the_time_that_legs_need_and_stances_are_left_alone() -> None:
+def test_swings_and_shifts_of_weight_are_given_their_time_and_long_stances_are_left_alone() -> None:
     planted = np.ones((90, 2), bool)
-    planted[20:29, 0] = planted[50:80, 1] = False
-    durations = least_durations(planted, 30.0, Pacing(swing=0.8))
-    assert durations[19:29].sum() / 30 == pytest.approx(0.8) and (np.delete(durations, range(19, 29)) == 1).all()
+    planted[20:29, 0] = planted[30:39, 1] = planted[50:80, 1] = False
+    durations = least_durations(planted, 30.0, Pacing(swing=0.8, transfer=0.3)) / 30
+    both = durations[28:30].sum() / 2  # a frame lasts from the middle of the one interval to that of the other
+    assert both >= 0.3 - 1e-9 and durations[19:29].sum() >= 0.8 - 1e-9
+    assert (np.delete(durations, range(19, 39)) == 1 / 30).all()
+    assert durations[19:28] == pytest.approx(0.08) and durations[30:39] == pytest.approx(0.08)
+
+
+def test_a_pause_for_a_shift_of_weight_takes_little_time_from_the_swings_around_it() -> None:
+    """A clip of 60 frames whose frames 28 to 31 last eight times as long: half a playback."""
+    stretch, fps = np.ones(60), 30.0
+    stretch[28:32] = 8.0
+    times = np.concatenate([[0.0], np.cumsum(stretch)])
+    at = np.interp(np.arange(1, times[-1]), times, np.arange(61))
+    pause = (at > 28) & (at < 32)
+    timeline = Timeline(at, np.ones(len(at)), np.ones((len(at), 2), bool), fps)
+    longer = stretched(stretch, timeline, np.where(pause, 1.25, 1.0), Pacing()) / stretch
+    assert longer[28:32].min() > 1.24 and longer.max() < 1.25 + 1e-9
+    assert ((longer - 1) * stretch)[[*range(28), *range(32, 60)]].sum() < 0.25 * ((longer - 1) * stretch)[28:32].sum()
+
+
+def test_a_held_first_pose_asks_for_time_of_the_first_frame() -> None:
+    at = np.concatenate([np.zeros(40), np.arange(1.0, 30.0)])
+    timeline = Timeline(at, np.ones(len(at)), np.ones((len(at), 2), bool), 30.0)
+    needs = np.where(np.arange(len(at)) < 10, 1.5, 1.0)
+    longer = stretched(np.ones(30), timeline, needs, Pacing(slowest=9.0))
+    assert longer[0] > 1.45 and longer[3:] == pytest.approx(1.0, abs=0.01)
 
 
 def test_a_load_beyond_the_torque_speed_line_asks_for_time_and_one_at_rest_does_not(ik: BalancedIk) -> None:
