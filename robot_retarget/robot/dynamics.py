@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
-from scipy.optimize import nnls
 
 from robot_retarget.arrays import Bools, Floats, Ints, cross, unit
 from robot_retarget.robot.feet import CORNERS
@@ -195,6 +194,8 @@ def ground_push(
         wrench: (6,) on the root [N, N m].
         ground: under the soles.
     """
+    from scipy.optimize import nnls  # imported here: it takes longer to load than many clips to solve
+
     places = data.xpos[soles.bodies] + np.einsum("kij,kj->ki", data.xmat[soles.bodies].reshape(-1, 3, 3), soles.offsets)
     found = [ground.footing(sole) for sole in places.reshape(-1, CORNERS, 3)]
     bodies = np.repeat(soles.bodies[::CORNERS], [len(points) for points, _, _ in found])

@@ -137,7 +137,7 @@ class Separation:
             data.qpos[:] = q
             mujoco.mj_kinematics(self.plain, data)
             mujoco.mj_collision(self.plain, data)
-            every.append(self._overlapping(data.contact))
+            every.append(self._overlapping(data.contact) if data.ncon else _NONE)
         return every
 
     def _overlapping(self, found: Any) -> tuple[Floats, Ints]:

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from robot_retarget.arrays import Floats, Ints
@@ -25,6 +24,7 @@ from robot_retarget.solve.options import Search
 from robot_retarget.solve.problem import ClipTargets
 from robot_retarget.solve.quadratic import Between, Proximal
 from robot_retarget.solve.speeds import within_speeds
+from robot_retarget.solve.spline import cubic_spline
 from robot_retarget.solve.sqp import FrameSolver
 from robot_retarget.solve.starts import descended, multistart, place_root, same_basin
 
@@ -115,7 +115,7 @@ class Candidates:
         if not moments:
             return []
         frames, robot = self.frames[moments].tolist(), self.solver.robot
-        starts = [[place_root(self.graph, robot.neutral(), frame)] for frame in frames]
+        starts = [[start] for start in place_root(self.graph, robot.neutral(), frames)]
         options = {"iterations": self.search_options.reached, "tolerance": self.search_options.tolerance}
         found = descended(self.solver, self.all_targets, frames, starts, **options)
         return [end for (end,) in found]
@@ -279,7 +279,7 @@ def interpolated(robot: Robot, frames: np.ndarray, poses: list[Floats], before: 
     knots = np.concatenate([np.arange(-len(before), 0), frames])
     turning = [int(robot.model.jnt_qposadr[j]) for j in robot.root_joints if robot.model.jnt_type[j] == HINGE]
     known[:, turning] = np.unwrap(known[:, turning], axis=0)
-    full, hinges = CubicSpline(knots, known)(wanted), robot.qpos_index
+    full, hinges = cubic_spline(knots, known, wanted), robot.qpos_index
     full[:, hinges] = full[:, hinges].clip(robot.lower, robot.upper)
     if robot.floating:
         a = robot.root_address + 3

@@ -32,10 +32,11 @@ def smooth_offsets(speed: Floats, stiffness: Floats | float, fixed: int = 0, ben
     for shift, factor in ((0, 1.0), (1, -2.0), (2, 1.0)):
         pushed[shift : shift + len(force)] += factor * force
     offsets = np.zeros_like(pushed)
-    _, first, system = np.unique(kappa, axis=1, return_index=True, return_inverse=True)
-    for k, column in enumerate(first):
-        columns = np.flatnonzero(system == k)
-        offsets[fixed:, columns] = solveh_banded(_bands(kappa[:, column])[:, fixed:], -pushed[fixed:, columns])
+    systems: dict[bytes, list[int]] = {}
+    for column, own in enumerate(kappa.T):
+        systems.setdefault(own.tobytes(), []).append(column)
+    for columns in systems.values():
+        offsets[fixed:, columns] = solveh_banded(_bands(kappa[:, columns[0]])[:, fixed:], -pushed[fixed:, columns])
     return offsets
 
 

@@ -35,8 +35,8 @@ def multistart(
     second start the second best, and so on.
     """
     limbs, placed = limb_starts(solver, search), []
-    for frame in frames:
-        reference, standing = (place_root(graph, q, frame) for q in (solver.robot.neutral(), solver.robot.standing()))
+    given = (place_root(graph, q, frames) for q in (solver.robot.neutral(), solver.robot.standing()))
+    for frame, reference, standing in zip(frames, *given, strict=True):
         drawn = _limbs_drawn(solver, standing, all_targets.at(frame), limbs, search)
         placed.append([reference, standing, *(solver.clear_of_links(standing, q) for q in drawn)])
     rough, exact = 10 * search.tolerance, search.tolerance
@@ -137,9 +137,10 @@ def _left(robot: Robot, forward: Floats) -> Floats:
     return np.cross([0.0, 0.0, 1.0], forward)
 
 
-def place_root(graph: RobotGraph, qpos: Floats, frame: int) -> Floats:
-    """Return a pose with its root turned and moved so that the pelvis has its target position and heading."""
-    return root_placer(graph.robot, graph.match.anatomy, qpos)(graph.pelvis[frame], graph.human.facing[frame])
+def place_root(graph: RobotGraph, qpos: Floats, frames: Iterable[int]) -> list[Floats]:
+    """Return a pose at frames: its root is turned and moved so that the pelvis has its target position and heading."""
+    placed = root_placer(graph.robot, graph.match.anatomy, qpos)
+    return [placed(graph.pelvis[frame], graph.human.facing[frame]) for frame in frames]
 
 
 def root_placer(robot: Robot, anatomy: Anatomy, qpos: Floats) -> Placer:

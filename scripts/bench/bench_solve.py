@@ -155,7 +155,7 @@ def inverse_kinematics(graph: RobotGraph) -> Run:
     places = [mink.FrameTask(f"point {k}", "site", 1.0, 0.0) for k in graph.match.keypoints]
     turns = [mink.FrameTask(f"segment {s}", "site", 0.0, 0.1) for s in segments]
     posture = mink.PostureTask(model, cost=1e-3)
-    start = place_root(graph, robot.standing(), 0)
+    (start,) = place_root(graph, robot.standing(), [0])
     posture.set_target(start)
     limits, configuration, dt = [mink.ConfigurationLimit(model)], mink.Configuration(model, start), 1 / graph.fps
     points, qpos, steps = rebuilt(graph), [], 0

@@ -65,7 +65,7 @@ def test_the_peer_brings_the_keypoints_to_the_rebuilt_posture(script: Any) -> No
     bench, robot = script("bench_solve"), rr.load_robot("op3")
     case = bench["prepare"](clip(4), robot)
     run, start = bench["inverse_kinematics"](case), robot.standing()
-    placed = place_root(case, start, 0)
+    (placed,) = place_root(case, start, [0])
     reached, standing = (world_points(robot, case.match.points, q) for q in (run.qpos, placed[None]))
     away, before = (np.linalg.norm(x - bench["rebuilt"](case), axis=2).mean() for x in (reached, standing))
     assert away < before / 2
