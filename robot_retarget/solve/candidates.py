@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.spatial.transform import Rotation, RotationSpline
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.graph.describe import RobotGraph
@@ -279,10 +278,10 @@ def interpolated(robot: Robot, frames: np.ndarray, poses: list[Floats], before: 
     knots = np.concatenate([np.arange(-len(before), 0), frames])
     turning = [int(robot.model.jnt_qposadr[j]) for j in robot.root_joints if robot.model.jnt_type[j] == HINGE]
     known[:, turning] = np.unwrap(known[:, turning], axis=0)
+    quaternion = slice(robot.root_address + 3, robot.root_address + 7) if robot.floating else slice(0)
+    turns = known[:, quaternion]
+    turns[1:][np.logical_xor.accumulate((turns[1:] * turns[:-1]).sum(axis=1) < 0)] *= -1  # −q is the rotation q
     full, hinges = cubic_spline(knots, known, wanted), robot.qpos_index
     full[:, hinges] = full[:, hinges].clip(robot.lower, robot.upper)
-    if robot.floating:
-        a = robot.root_address + 3
-        turns = RotationSpline(knots, Rotation.from_quat(known[:, a : a + 4], scalar_first=True))
-        full[:, a : a + 4] = turns(wanted).as_quat(scalar_first=True)
+    full[:, quaternion] /= np.linalg.norm(full[:, quaternion], axis=1, keepdims=True)
     return list(full)
