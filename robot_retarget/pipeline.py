@@ -59,7 +59,7 @@ def solve(
         BalanceError: the motion leaves the floor, the human is held up, or the robot has no feet.
     """
     modes = balance_modes(graph.robot, legs, balance)
-    graph = graph.with_speed(BalanceOptions().speed) if modes else graph.unbalanced()  # the playback is no faster
+    graph = graph.balanced(BalanceOptions().speed) if modes else graph.unbalanced()  # the playback is no faster
     draft, planting = progress, None
     if modes and progress:
         draft, planting = consecutive(progress, expected_steps(graph))
@@ -194,7 +194,7 @@ def carried(
         if balance_modes(robot, legs, balance)
         else {"smooth": EXACT * given.smooth, "smooth_root": 1.0, "smooth_turn": 1.0}
     )
-    exact = replace(given, **calm, rest=EXACT * given.rest, swing=0.0)
+    exact = replace(given, **calm, rest=EXACT * given.rest, swing=0.0, zmp=0.0)
     kinds = [kind.for_robot() for kind in KINDS]
     return solve(
         describe(motion, robot, fps=fps, weights=exact, preset=preset, kinds=kinds),

@@ -104,13 +104,18 @@ class RobotGraph(Graph):
         edge = added_edge(self.match, self.robot, len(self), (a, b), at, frames, priority, hard)
         return replace(self, tracks=with_added(self.tracks, edge, self.fps, self.match.robot_leg))
 
-    def with_speed(self, share: float) -> "RobotGraph":
-        """Return the graph with a share of every bound on the speed of joints [-]."""
+    def balanced(self, share: float) -> "RobotGraph":
+        """Return the graph of a motion that balance follows: without the kinds that it plans, and with less speed.
+
+        Args:
+            share: of every bound on the speed of joints [-].
+        """
         tracks = (
             track.bounded(share * track.lower, share * track.upper)
             if (track.role, track.stencil) == (Role.BOUND, STEP)
             else track
             for track in self.tracks
+            if not track.kind.planned
         )
         return replace(self, tracks=tuple(tracks))
 

@@ -71,6 +71,8 @@ class Kind:
     """Whether a user adds the edges: a command that misses a hard one of them fails."""
     whole: bool = False
     """Whether the edges belong together: single ones are dropped by π = 0."""
+    planned: bool = False
+    """Whether balance plans what the edges ask for, in its own way: a balanced motion has none of them."""
     raises_root: bool = False
     """Whether raising the root restores a symbolic inequality: a height over the floor."""
     most: int = 24

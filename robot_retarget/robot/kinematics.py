@@ -92,14 +92,19 @@ def mass_function(robot: Robot) -> ca.Function:
     return bodies.function("mass", list(mass_shares(robot, bodies)))
 
 
+def heavy_bodies(robot: Robot) -> Ints:
+    """Return the bodies of the robot that have masses."""
+    model = robot.model
+    return np.flatnonzero((model.body_rootid == model.body_rootid[robot.root_body]) & (model.body_mass > 0))
+
+
 def mass_shares(robot: Robot, bodies: "Bodies") -> tuple[ca.SX, ca.SX]:
     """The centre of mass (3) [m] and its Jacobian by v (3, nv), as expressions of the bodies' q.
 
     Args:
         bodies: the robot's bodies as expressions.
     """
-    model = robot.model
-    heavy = np.flatnonzero((model.body_rootid == model.body_rootid[robot.root_body]) & (model.body_mass > 0))
+    model, heavy = robot.model, heavy_bodies(robot)
     shares = model.body_mass[heavy] / model.body_mass[heavy].sum()
     centres = bodies.places(Points(heavy, model.body_ipos[heavy]))
     carried = carrying(model)[heavy] * shares[:, None]

@@ -16,11 +16,12 @@ from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.swept import SweptConfiguration, swept_configurations
 from robot_retarget.solve.candidates import coarse_path
 from robot_retarget.solve.descent import Box, Descent, FrameSolution
+from robot_retarget.solve.joined_path import joined_offsets, joined_rows
 from robot_retarget.solve.limits import Differences, JointBounds
 from robot_retarget.solve.options import Search, Smoothing
 from robot_retarget.solve.problem import ClipTargets, Problem, targets_of
 from robot_retarget.solve.quadratic import Proximal
-from robot_retarget.solve.smooth import smooth_offsets
+from robot_retarget.solve.smooth import SmoothSystem
 from robot_retarget.solve.speeds import within_speeds
 from robot_retarget.solve.sqp import FrameSolver
 from robot_retarget.solve.windows import ClipPiece
@@ -189,7 +190,7 @@ def clip_passes(clip: ClipProblem, start: Floats, count: Count) -> list[FrameSol
 
     The alternating direction method of multipliers solves  Σ f_t(q_t) + Σ κ ‖s_{t−1} − 2 s_t + s_{t+1} − b_t‖²  subject to
     q_t = s_t: every pass moves each frame by one step against ρ‖q_t ⊖ s_t + y_t‖², then the path s, then the
-    multipliers y; both see q_t over-relaxed, s_t ⊕ α (q_t ⊖ s_t) [Boyd2011, 3.4.3]. The path moves the sooner the weaker
+    multipliers y; symbolic costs over several frames are part of the path (`joined_path`). Both see q_t over-relaxed, s_t ⊕ α (q_t ⊖ s_t) [Boyd2011, 3.4.3]. The path moves the sooner the weaker
     ρ is, and the last pass draws the frames to it with a ρ `Smoothing.closing` times as large. Even frames step together, then odd
     ones, so that the neighbours of a stepping frame do not move. After the first passes, only frames whose cost
     still falls step (`Smoothing.extra`). The function returns the frames, not the path, because the frames satisfy all
@@ -273,11 +274,18 @@ class _Passes:
         relaxed = integrate(robot, self.path, away)  # beyond the path: s ⊕ α (q ⊖ s)
         drawn = integrate(robot, relaxed, self.dual)
         speed = difference(robot, drawn[:-1], drawn[1:])
-        self.path = integrate(
-            robot, drawn, smooth_offsets(speed, clip.smooth.weight / self.rho, clip.fixed, clip.smooth.bend)
-        )
+        system = SmoothSystem(clip.smooth.weight / self.rho, clip.fixed)
+        self.path = self._joined(system, integrate(robot, drawn, system.offsets(speed, clip.smooth.bend)))
         self.dual += difference(robot, self.path, relaxed)
         self.dual[: clip.fixed] = 0.0
+
+    def _joined(self, system: SmoothSystem, path: Floats) -> Floats:
+        """Return the path moved by symbolic costs over several frames."""
+        clip, costs = self.clip, self.clip.solver.problem.stencils
+        if not costs:
+            return path
+        rows = [joined_rows(cost, path, clip.all_targets, 1 / clip.fps) for cost in costs]
+        return integrate(clip.solver.robot, path, joined_offsets(rows, system, self.rho, self.dual.shape))
 
     def _step_half(self, half: Ints, descent: Descent, moving: Bools, active: Ints) -> None:
         """Step some of the even or odd frames."""

@@ -318,7 +318,7 @@ class CostModel:
             for found in self.since(contacts, q[k], around.at(k)):
                 for sums, part in zip(total, found, strict=True):
                     sums[k] += part
-        for cost in self.problem.stencils:
+        for cost in self.problem.stencils if around.alone else ():
             for sums, part in zip(total, cost.terms(q, around), strict=True):
                 sums += part
         return replace(current, cost=total[0], gradient=total[1], normal=total[2])

@@ -1,12 +1,45 @@
 """The smooth path nearest to a rough one, in closed form: one banded system for all joints."""
 
 import numpy as np
-from scipy.linalg import solveh_banded
+from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from robot_retarget.arrays import Floats
 
 DECIMALS = 9
 """Stiffnesses that agree in these decimals share one banded system."""
+
+
+class SmoothSystem:
+    """The matrices I + Dᵀ K D of all columns of a path, D the second difference and K the diagonal of their stiffnesses."""
+
+    stiffness: Floats
+    """κ (T − 2, n)."""
+
+    def __init__(self, stiffness: Floats, fixed: int = 0):
+        """Factorise the systems of stiffnesses (T, n) without the first `fixed` frames, which stay."""
+        self.fixed, self.stiffness = fixed, np.round(stiffness, DECIMALS)[1:-1]
+        systems: dict[bytes, list[int]] = {}
+        for column, own in enumerate(self.stiffness.T):
+            systems.setdefault(own.tobytes(), []).append(column)
+        self._factors = [
+            (columns, cholesky_banded(_bands(self.stiffness[:, columns[0]])[:, fixed:])) for columns in systems.values()
+        ]
+
+    def solved(self, force: Floats) -> Floats:
+        """Return the offsets (T, n) whose images are forces (T, n)."""
+        offsets = np.zeros_like(force)
+        for columns, factor in self._factors:
+            offsets[self.fixed :, columns] = cho_solve_banded((factor, False), force[self.fixed :, columns])
+        return offsets
+
+    def offsets(self, speed: Floats, bend: Floats | float) -> Floats:
+        """Return the offsets of `smooth_offsets`."""
+        shape = len(speed) + 1, speed.shape[1]
+        force = self.stiffness * (np.diff(speed, axis=0) - np.broadcast_to(bend, shape)[1:-1])
+        pushed = np.zeros(shape)
+        for shift, factor in ((0, 1.0), (1, -2.0), (2, 1.0)):
+            pushed[shift : shift + len(force)] -= factor * force
+        return self.solved(pushed)
 
 
 def smooth_offsets(speed: Floats, stiffness: Floats | float, fixed: int = 0, bend: Floats | float = 0.0) -> Floats:
@@ -23,21 +56,10 @@ def smooth_offsets(speed: Floats, stiffness: Floats | float, fixed: int = 0, ben
     Returns:
         (T, n) offsets δ.
     """
-    frames = len(speed) + 1
-    if frames < 3:
-        return np.zeros((frames, speed.shape[1]))
-    shape = frames, speed.shape[1]
-    kappa: Floats = np.broadcast_to(np.round(stiffness, DECIMALS), shape)[1:-1]
-    force, pushed = kappa * (np.diff(speed, axis=0) - np.broadcast_to(bend, shape)[1:-1]), np.zeros(shape)
-    for shift, factor in ((0, 1.0), (1, -2.0), (2, 1.0)):
-        pushed[shift : shift + len(force)] += factor * force
-    offsets = np.zeros_like(pushed)
-    systems: dict[bytes, list[int]] = {}
-    for column, own in enumerate(kappa.T):
-        systems.setdefault(own.tobytes(), []).append(column)
-    for columns in systems.values():
-        offsets[fixed:, columns] = solveh_banded(_bands(kappa[:, columns[0]])[:, fixed:], -pushed[fixed:, columns])
-    return offsets
+    shape = len(speed) + 1, speed.shape[1]
+    if len(speed) < 2:
+        return np.zeros(shape)
+    return SmoothSystem(np.broadcast_to(stiffness, shape), fixed).offsets(speed, bend)
 
 
 def _bands(stiffness: Floats) -> Floats:

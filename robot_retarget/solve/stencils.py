@@ -1,7 +1,8 @@
-"""Costs that join several frames: at one frame, its neighbours are constant."""
+"""Symbolic costs that join several frames: their rows at the frames, and the terms of a frame whose neighbours are constant."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -32,6 +33,9 @@ class Neighbours:
     """Of this frame, 0, and of others."""
     seconds: float
     """Time since the frame before [s]."""
+
+    alone: ClassVar[bool] = True
+    """Whether a frame moves alone, and symbolic costs over several frames are its own."""
 
     @property
     def past(self) -> Past | None:
@@ -75,6 +79,8 @@ class ClipNeighbours:
     """The frames, relative to one, that share an edge with it."""
     seconds: float
     """Time since the frame before [s]."""
+    alone: ClassVar[bool] = False
+    """The smooth path of a clip has its symbolic costs over several frames, because all frames move."""
     known_points: dict["StencilCost", Floats] = field(default_factory=dict)
     """(T, S) points of the clip, once a cost asks for them."""
 
@@ -134,25 +140,35 @@ class StencilCost:
         (points,), frames, last = self.points(qpos), np.arange(len(qpos)), len(qpos) - 1
         return self._values(*(points[(frames + offset).clip(0, last)] for offset in self.track.stencil))[0]
 
-    def terms(self, q: Floats, around: Neighbours | ClipNeighbours) -> Terms:
-        """Return the terms of the edges that join frames at q (N, nq) with their neighbours, by their derivative at q.
+    def rows(self, q: Floats, around: Neighbours | ClipNeighbours) -> tuple[Floats, Floats]:
+        """Return measures (N, P E) and slopes (N, P E, nv) of the edges in which frames have each of the P places of the stencil.
+
+        Args:
+            q: (N, nq) the frames, by which the slopes are.
+            around: the other frames.
+        """
+        values, slopes = self._slopes(q, *(around.points(self, offset) for offset in self.offsets))
+        return values, slopes
+
+    def sides(self, around: Neighbours | ClipNeighbours, own: int) -> Sides:
+        """Return the targets (N, E) of the edges in which frames have a place of the stencil.
 
         Edges with a frame outside the clip are absent.
         """
-        lower, upper, priority = (np.concatenate(side, axis=1) for side in zip(*self._sides(around), strict=True))
+        lower, upper, priority = around.sides(-own, self.columns)
+        known = np.logical_and.reduce([around.known(offset - own) for offset in self.track.stencil])
+        return lower, upper, known[:, None] * priority
+
+    def terms(self, q: Floats, around: Neighbours | ClipNeighbours) -> Terms:
+        """Return the terms of the edges that join frames at q (N, nq) with their neighbours, by their derivative at q."""
+        by_place = zip(*(self.sides(around, own) for own in self.track.stencil), strict=True)
+        lower, upper, priority = (np.concatenate(side, axis=1) for side in by_place)
         if not priority.any():
             nv = self._slopes.shapes[1][1]
             return np.zeros(len(q)), np.zeros((len(q), nv)), np.zeros((len(q), nv, nv))
-        values, slope = self._slopes(q, *(around.points(self, offset) for offset in self.offsets))
+        values, slope = self.rows(q, around)
         edges = np.tile(np.arange(len(self.track)), len(self.track.stencil))
         return terms(self.track, values, slope, (lower, upper, priority), edges)
-
-    def _sides(self, around: Neighbours | ClipNeighbours) -> Iterator[Sides]:
-        """Yield the targets (N, E) of the edges in which the frames have each place of the stencil."""
-        for own in self.track.stencil:
-            lower, upper, priority = around.sides(-own, self.columns)
-            known = np.logical_and.reduce([around.known(offset - own) for offset in self.track.stencil])
-            yield lower, upper, known[:, None] * priority
 
 
 def _offsets(stencil: tuple[int, ...]) -> tuple[int, ...]:
@@ -190,13 +206,19 @@ def terms(track: Track, values: Floats, slope: Floats, sides: Sides, edges: slic
         sides: (…, R) targets of the rows.
         edges: (R,) the edge of every row.
     """
+    cost, residual, weight = weighted(track, values, sides, edges)
+    columns = slope.swapaxes(-1, -2)
+    return cost.sum(axis=-1), (columns @ (weight * residual)[..., None])[..., 0], columns @ (weight[..., None] * slope)
+
+
+def weighted(
+    track: Track, values: Floats, sides: Sides, edges: slice | np.ndarray = slice(None)
+) -> tuple[Floats, Floats, Floats]:
+    """Return π ϱ(e), the residuals and their weights (…, R) of rows of a track; arguments as in `terms`."""
     (lower, upper, priority), scale = sides, track.scale[edges]
     residual = values - np.clip(values, lower, upper)
     weight = np.where((values > lower) & (values < upper), 0.0, priority / scale**2)
     if np.isinf(track.huber_delta):
-        cost = (weight * residual**2).sum(axis=-1)
-    else:
-        root = np.sqrt(1 + (residual / (scale * track.huber_delta)) ** 2)
-        cost, weight = 2 * track.huber_delta**2 * (priority * (root - 1)).sum(axis=-1), weight / root
-    columns = slope.swapaxes(-1, -2)
-    return cost, (columns @ (weight * residual)[..., None])[..., 0], columns @ (weight[..., None] * slope)
+        return weight * residual**2, residual, weight
+    root = np.sqrt(1 + (residual / (scale * track.huber_delta)) ** 2)
+    return 2 * track.huber_delta**2 * priority * (root - 1), residual, weight / root

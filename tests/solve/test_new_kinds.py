@@ -328,7 +328,7 @@ def test_every_role_and_form_works_in_balance_and_touch_up() -> None:
         assert kind.name in result.solution.stress or kind.role is not Role.COST
     off = {kind.name: misses(result.graph, kind, result.trajectory.qpos).max() for kind in kinds}
     assert off["below"] < 1e-3 and off["slow"] < 1e-3 and off["elbow"] < 0.05
-    assert BalancedIk(graph).solver.costs.offsets == {-1, 1}
+    assert BalancedIk(graph.balanced(1.0)).solver.costs.offsets == {-1, 1}
     edit = Edit("edge", {"a": "l_hand", "b": "head", "at": 0.2, "frames": [12, 14]})
     done = apply_edit(graph, solve_graph(graph).trajectory, edit)
     assert misses(graph, Slow(), done.trajectory.qpos).max() < 1e-3

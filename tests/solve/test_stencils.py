@@ -13,10 +13,13 @@ from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.kind import Kind, RetargetContext, Track, exact
 from robot_retarget.graph.kinds import clip_kinds
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
+from robot_retarget.graph.weights import Weights
 from robot_retarget.robot.kinematics import integrate
 from robot_retarget.shipped import SAMPLES
+from robot_retarget.solve.joined_path import joined_offsets, joined_rows
 from robot_retarget.solve.options import SolveOptions
 from robot_retarget.solve.problem import build_problem, targets_of
+from robot_retarget.solve.smooth import SmoothSystem
 from robot_retarget.solve.sqp import FrameSolver
 
 FRAMES, FPS = 7, 30.0
@@ -60,7 +63,8 @@ def measured(graph: RobotGraph, stencil: tuple[int, ...], qpos: Floats) -> Float
 @pytest.fixture(scope="module", params=[(-1, 0), (-1, 0, 1), (-2, -1, 0)], ids=str)
 def solver(request: pytest.FixtureRequest) -> tuple[FrameSolver, RobotGraph, Floats]:
     kinds = (*clip_kinds(), Swing(stencil=request.param))
-    graph = rr.describe(rr.read_motion(SAMPLES / "wave.bvh").frames(12, 12 + FRAMES), rr.load_robot("op3"), kinds=kinds)
+    motion = rr.read_motion(SAMPLES / "wave.bvh").frames(12, 12 + FRAMES)
+    graph = rr.describe(motion, rr.load_robot("op3"), kinds=kinds, weights=Weights(zmp=0.0))
     problem = build_problem(graph.robot, graph.match, graph.tracks)
     draw = np.random.default_rng(0)
     away = draw.normal(scale=0.1, size=(FRAMES, graph.robot.model.nv))
@@ -111,3 +115,39 @@ def test_one_frame_has_the_terms_that_it_has_among_all(solver: tuple[FrameSolver
     for t in range(FRAMES):
         for whole, own in zip(together, cost.terms(qpos[[t]], around.at(t)), strict=True):
             assert np.allclose(whole[t], own[0], rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("fixed", [0, 2])
+def test_a_path_moves_to_the_minimum_of_smoothness_and_joining_costs(
+    solver: tuple[FrameSolver, RobotGraph, Floats], fixed: int
+) -> None:
+    """The oracle solves the dense system, with slopes by finite differences of MuJoCo's measures."""
+    frames, graph, path = solver
+    (cost,), track, nv = frames.problem.stencils, graph.kinds["swing"], graph.robot.model.nv
+    draw = np.random.default_rng(5)
+    rho, kappa = draw.uniform(0.01, 0.03, nv), np.repeat(draw.uniform(0.001, 0.05, (1, nv)), FRAMES, axis=0)
+    found = joined_offsets(
+        [joined_rows(cost, path, targets_of(graph.tracks), 1 / FPS)],
+        SmoothSystem(kappa / rho, fixed),
+        rho,
+        (FRAMES, nv),
+    )
+
+    def values(offset: Floats) -> Floats:
+        return measured(graph, track.stencil, integrate(graph.robot, path, offset.reshape(FRAMES, nv))).ravel()
+
+    steps = 1e-6 * np.eye(FRAMES * nv)
+    slope = np.stack([(values(step) - values(-step)) / 2e-6 for step in steps], axis=1)
+    excess = np.maximum(values(np.zeros(FRAMES * nv)) - track.upper.ravel(), 0)
+    weight = (track.present * track.priority / 0.5**2).ravel() * (excess > 0)
+    bend = np.kron(np.diff(np.eye(FRAMES), 2, axis=0), np.eye(nv))
+    base = np.diag(np.tile(rho, FRAMES)) + bend.T @ np.diag(np.tile(kappa[0], FRAMES - 2)) @ bend
+    hessian, force = base + slope.T @ (weight[:, None] * slope), -slope.T @ (weight * excess)
+    free = slice(fixed * nv, None)
+    wanted: Floats = np.asarray(np.linalg.solve(hessian[free, free], force[free]), dtype=np.float64)
+
+    def gain(offset: Floats) -> float:
+        return float(force[free] @ offset - offset @ hessian[free, free] @ offset / 2)
+
+    assert (found[:fixed] == 0).all() and gain(wanted) > 0
+    assert gain(found.ravel()[free]) > 0.999 * gain(wanted)

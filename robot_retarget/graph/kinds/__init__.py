@@ -21,6 +21,7 @@ from robot_retarget.graph.kinds.rest import RestKind
 from robot_retarget.graph.kinds.separation import SeparationKind
 from robot_retarget.graph.kinds.temporal import InertiaKind, SmoothnessKind
 from robot_retarget.graph.kinds.touch import TouchKind
+from robot_retarget.graph.kinds.zmp import ZmpKind
 
 GROUP = "robot_retarget.kinds"
 """Entry points of this group name further kinds: a `Kind`, or a class of one."""
@@ -35,6 +36,7 @@ KINDS: tuple[Kind, ...] = (
     RestKind(),
     FootholdKind(),
     SmoothnessKind(),
+    ZmpKind(),
     InteractionKind(),
     CouplingKind(),
     FloorKind(),
