@@ -25,7 +25,7 @@ class StepRule:
     height: float = 0.06
     """... and lower than this stands, regardless of the human's label."""
     flight: float = 0.12
-    """A longer time without a foot on the floor is a jump [s]."""
+    """A longer time without a foot on the floor, with both feet higher than `lift` in between, is a jump [s]."""
     lift: float = 0.12
     """A foot lifted less ..."""
     travel: float = 0.3
@@ -53,7 +53,7 @@ def planted_feet(
     """
     chosen = rule or StepRule()
     low, speed = _heights(corners, fps, ground, np.median), _speed(corners, fps)
-    _refuse_flight(_heights(corners, fps, ground).min(axis=1) > chosen.height * leg, fps, chosen)
+    _refuse_flight(_heights(corners, fps, ground).min(axis=1) / leg, fps, chosen)
     labelled = [stances[f].any(axis=1) if f in stances else np.zeros(len(corners), bool) for f in feet]
     planted = np.stack(labelled, axis=1) | ((low < chosen.height * leg) & (speed < chosen.speed * leg))
     planted = without_flicker(planted, fps, StanceRule())
@@ -123,9 +123,10 @@ def _speed(corners: Floats, fps: float) -> Floats:
     return np.linalg.norm(np.gradient(middle, 1 / fps, axis=0), axis=2)
 
 
-def _refuse_flight(airborne: np.ndarray, fps: float, rule: StepRule) -> None:
-    for start, stop in intervals(airborne):
-        if (stop - start) / fps > rule.flight:
+def _refuse_flight(lowest: Floats, fps: float, rule: StepRule) -> None:
+    """Raises: BalanceError: the lowest foot, at heights (T,) in legs, is in the air for a jump."""
+    for start, stop in intervals(lowest > rule.height):
+        if (stop - start) / fps > rule.flight and lowest[start:stop].max() > rule.lift:
             raise BalanceError(
                 f"no foot is on the floor from {start / fps:.1f} to {stop / fps:.1f} s: a robot that stands free cannot "
                 "play that; keep both feet on the floor (legs 'stand'), or do without balance (balance 'off')"

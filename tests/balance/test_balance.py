@@ -305,6 +305,12 @@ def test_a_jump_is_refused_with_its_time_and_the_way_out() -> None:
         planted_feet(labels(corners), ("l", "r"), corners, 0.22, 30.0)
 
 
+def test_feet_that_hover_for_a_step_over_a_tenth_of_a_leg_do_not_jump() -> None:
+    corners = soles(0.11 * 0.22, 0.1)
+    corners[:, 1, :, 2] = corners[:, 0, :, 2]
+    assert planted_feet(labels(corners), ("l", "r"), corners, 0.22, 30.0).any(axis=1).all()
+
+
 def test_a_swing_leaves_and_meets_its_footholds_flat_and_clears_the_floor_between() -> None:
     corners = soles(0.02, 0.1)
     planted = without_small_swings(planted_feet(labels(corners), ("l", "r"), corners, 0.22, 30.0), corners, 0.22, 30.0)
