@@ -94,10 +94,9 @@ class FrameSolver:
         most = iterations or self.options.iterations
         descent = self.begin(start, targets, box or self.ranges(targets), between)
         descent.proximal, descent.around, descent.tolerance = proximal, around, tolerance or self.options.tolerance
-        current, regions = self._with_terms(descent, descent.base, descent.qpos, None), descent.regions
-        active = np.arange(len(start))
+        regions, active = descent.regions, np.arange(len(start))
         while active.size:
-            active = self._advance(descent, current, active)
+            active = self._advance(descent, active)
             active = active[(regions.taken[active] < most) & (regions.refused[active] < self.options.refusals)]
         for k, step in descent.last.items():
             descent.qpos[k] = integrate(self.robot, descent.qpos[k], step)
@@ -112,7 +111,7 @@ class FrameSolver:
         """Try one step of some frames of a descent; a frame whose step gains too little does not move."""
         descent.last.clear()
         descent.status[frames] = Status.OUT_OF_ITERATIONS
-        self._advance(descent, self._with_terms(descent, descent.base, descent.qpos, None), frames)
+        self._advance(descent, frames)
 
     def renew(self, descent: Descent, frames: Ints) -> None:
         """Linearise some frames of a descent again, with the rows of links on their ways."""
@@ -128,13 +127,10 @@ class FrameSolver:
         columns = descent.qpos, descent.status, base.cost.tolist(), taken, base.clearance_deficit.tolist()
         return [self._closed(FrameSolution(*each)) for each in zip(*columns, strict=True)]
 
-    def _advance(self, descent: Descent, current: Quadratic, active: Ints) -> Ints:
-        """Try a step of the active frames and accept it where the cost falls; return the frames that still move.
-
-        Args:
-            current: the model of all frames with the terms of proximal and neighbours.
-        """
-        q, own, index = descent.qpos[active], current.of(active), self.robot.qpos_index
+    def _advance(self, descent: Descent, active: Ints) -> Ints:
+        """Try a step of the active frames and accept it where the cost falls; return the frames that still move."""
+        q, base, index = descent.qpos[active], descent.base, self.robot.qpos_index
+        own = self._with_terms(descent, base.of(active), q, active)
         box, regions = descent.box.at(active), descent.regions
         entering = descent.entering[active] & (box.outside(q[:, index]) > 1e-6)
         descent.entering[active] = entering
@@ -150,13 +146,12 @@ class FrameSolver:
             return active
         moved = integrate(self.robot, q[going], step)
         targets, _, between = descent.at(active)
-        trial = self.costs.linearize(moved, targets, between, current.near.of(active))
+        trial = self.costs.linearize(moved, targets, between, base.near.of(active))
         lowered = self._with_terms(descent, trial, moved, active)
         into = entering[going] & (trial.clearance_deficit <= own.clearance_deficit[going])
         taken = (lowered.cost < own.cost[going]) | into | own.penetrates_floor[going]
         descent.qpos[active[taken]] = moved[taken]
-        descent.base.put(active, trial, taken)
-        current.put(active, lowered, taken)
+        base.put(active, trial, taken)
         regions.take(active[taken])
         regions.refuse(active[~taken], step[~taken])
         return active
@@ -189,11 +184,12 @@ class FrameSolver:
         assert model is not None
         return self._closed(FrameSolution(q, status, model.cost, taken, model.clearance_deficit))
 
-    def _with_terms(self, descent: Descent, base: Quadratic, q: Floats, frames: Ints | None) -> Quadratic:
-        """Return the model of frames at q with the terms of proximal and neighbours; of all frames by default."""
-        proximal, around = descent.proximal, descent.around
-        if frames is not None:
-            proximal, around = proximal and proximal.of(frames), descent.at(frames)[1]
+    def _with_terms(self, descent: Descent, base: Quadratic, q: Floats, frames: Ints) -> Quadratic:
+        """Return the model of frames at q with the terms of proximal and neighbours."""
+        proximal, around = (
+            descent.proximal and descent.proximal.of(frames),
+            descent.around and descent.around.of(frames),
+        )
         return self.costs.with_neighbours(self.costs.with_proximal(base, q, proximal), q, around)
 
     def _steps(
