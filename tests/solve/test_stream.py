@@ -74,6 +74,15 @@ def test_links_stay_apart_and_above_the_floor(robot: Robot, walk: Motion) -> Non
         assert not depth
 
 
+def test_the_search_for_a_better_basin_rests_while_its_pose_has_reached_the_robots(robot: Robot, walk: Motion) -> None:
+    stream, rests = Stream(robot, walk.skeleton, calibration=walk), []
+    for t, positions in enumerate(walk.positions):
+        stream.push(positions, time=t / walk.fps)
+        assert stream.performer is not None
+        rests.append(stream.performer.solver.home.pose is None)
+    assert np.mean(rests) > 0.5
+
+
 def test_a_performer_who_is_not_known_is_watched_first_then_eased_into(robot: Robot, wave: Motion) -> None:
     stream = Stream(robot, wave.skeleton, native=False)
     poses = followed(stream, wave, range(len(wave)))

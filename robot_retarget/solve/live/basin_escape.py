@@ -1,8 +1,9 @@
 """The home pose of a frame: the end of a descent from the standing pose, independent of the past.
 
 The pose that follows the performer stays in its basin of attraction. In parallel, a second pose starts from the
-standing pose repeatedly and advances one step at a time. If the second pose then costs clearly less and lies elsewhere,
-the hinges that differ move to it along a smooth curve in time, and all other hinges follow their targets.
+standing pose repeatedly and advances one step at a time. Where it reaches the first, mostly after two to four steps, it rests
+until the next start. If it ends elsewhere and costs clearly less, the hinges that differ move to it along a smooth curve in
+time, and all other hinges follow their targets.
 """
 
 from collections.abc import Callable
@@ -10,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Bools, Floats
 from robot_retarget.ramps import smoothstep
 from robot_retarget.solve.descent import Box, FrameSolution
 from robot_retarget.solve.options import RealTime
@@ -18,8 +19,8 @@ from robot_retarget.solve.problem import EdgeTargets
 from robot_retarget.solve.sqp import FrameSolver
 
 LED = 0.25
-"""Hinges move to the home pose if they differ by more than this share of the basin threshold (`RealTime.same`) [-]
-..."""
+"""Hinges move to the home pose if they differ by more than this share of the basin threshold (`RealTime.same`), and without
+such hinges the second pose has reached the first [-] ..."""
 GIVE = 0.1
 """... and may deviate from their curve by this share of it, so that the other targets keep their effect [-]."""
 ROUNDING = 0.99
@@ -64,7 +65,8 @@ class BasinEscape:
     def __init__(self, solver: FrameSolver, options: RealTime):
         self.solver, self.options = solver, options
         self.pose: FrameSolution | None = None
-        self.steps, self.waited = 0, 0.0
+        """The second pose; None while it rests."""
+        self.steps, self.waited = options.home_steps, 0.0
         self.lead: HomeTransition | None = None
 
     def move_home(self, standing: Floats, targets: EdgeTargets, before: Floats) -> None:
@@ -82,10 +84,13 @@ class BasinEscape:
         self.waited, there = 0.0, self.steps >= self.options.home_steps and self.lead is None
         if there and self.pose is not None and self._better(self.pose, current):
             self._set_out(current.qpos, targets)
-        elif there or self.pose is None:
+        elif there:
             self.pose, self.steps = FrameSolution(standing(), current.status, np.inf, 0), 0
-        self.pose = self.solver.real_time_step(self.pose.qpos, targets, None, self.solver.ranges(targets), 1)
         self.steps += 1
+        if self.pose is not None:
+            self.pose = self.solver.real_time_step(self.pose.qpos, targets, None, self.solver.ranges(targets), 1)
+            if self.lead is None and not self._leads(self._way(current.qpos)).any():
+                self.pose = None
 
     def box(self, box: Box, seconds: float) -> Box:
         """Return the box with the moving hinges on their curves."""
@@ -98,14 +103,22 @@ class BasinEscape:
         return led
 
     def _better(self, home: FrameSolution, current: FrameSolution) -> bool:
-        apart = np.abs(home.qpos - current.qpos)[self.solver.robot.qpos_index].max(initial=0.0)
+        apart = self._way(current.qpos).max(initial=0.0)
         return bool(apart > self.options.same and home.cost < self.options.worth * current.cost)
 
-    def _set_out(self, before: Floats, targets: EdgeTargets) -> None:
+    def _way(self, qpos: Floats) -> Floats:
+        """Return how far each hinge (n,) of a configuration is from the second pose [rad]."""
         assert self.pose is not None
-        index = self.solver.robot.qpos_index
-        way = np.abs(self.pose.qpos - before)[index]
-        hinges = way > LED * self.options.same
+        return np.abs(self.pose.qpos - qpos)[self.solver.robot.qpos_index]
+
+    def _leads(self, way: Floats) -> Bools:
+        """Return which hinges (n,) would move to the second pose."""
+        return way > LED * self.options.same
+
+    def _set_out(self, before: Floats, targets: EdgeTargets) -> None:
+        way = self._way(before)
+        hinges = self._leads(way)
         if hinges.any():
             needed = (way / self.solver.bounds(targets).speed)[hinges].max() / self.options.unhurried
-            self.lead = HomeTransition(hinges, before[index].copy(), max(float(needed), self.options.ease))
+            since = before[self.solver.robot.qpos_index]
+            self.lead = HomeTransition(hinges, since, max(float(needed), self.options.ease))
