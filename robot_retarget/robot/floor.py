@@ -59,7 +59,10 @@ class Floor:
         Balls about the geoms leave few of them, whose own points decide.
         """
         origin = placed.positions.take(self.geoms, axis=1)[:, :, 2]
-        frames, geoms = np.divmod(np.flatnonzero(origin - self.reached < height), len(self.geoms))
+        near = np.flatnonzero(origin - self.reached < height)
+        if not near.size:
+            return
+        frames, geoms = np.divmod(near, len(self.geoms))
         for k in sorted(set(geoms.tolist())):
             own, (points, radius) = frames[geoms == k], self.shapes[k]
             up = placed.turns[own, self.geoms[k], 6:]

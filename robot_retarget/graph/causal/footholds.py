@@ -58,12 +58,12 @@ class CausalFootholds:
         if frame.scene is not None:
             surfaces = [surface_under(human, frame.scene, foot) for foot in feet]
             carried += np.stack([surface.shift for surface in surfaces])
-        away = np.abs(carried - self.landed).max(axis=(1, 2)).tolist()
+        away, turns = np.abs(carried - self.landed).max(axis=(1, 2)).tolist(), self._turns(carried)
         priority = np.empty_like(carried)
         for k, foot in enumerate(feet):
             wanted = tuple(human.contacts[foot][0].tolist()) if foot in human.contacts else SWING
             stands = away[k] < self.strayed if any(self.held[k]) else self.since[k] >= RAMP
-            self._change(k, wanted if stands else SWING, carried[k], frame, surfaces[k])
+            self._change(k, wanted if stands else SWING, carried[k], frame, surfaces[k], turns[k])
             carried[k], priority[k] = self._standing(k) if any(self.held[k]) else self._swinging(k, carried[k])
         upper = carried
         if any(toe != heel for toe, heel in self.held):
@@ -71,7 +71,9 @@ class CausalFootholds:
             upper[..., 2] += self.soles.rises(human, np.array([[STANCES[held] for held in self.held]]))[0]
         return carried.ravel(), upper.ravel(), priority.ravel()
 
-    def _change(self, foot: int, held: Stance, carried: Floats, frame: StreamFrame, surface: Surface | None) -> None:
+    def _change(
+        self, foot: int, held: Stance, carried: Floats, frame: StreamFrame, surface: Surface | None, turn: float
+    ) -> None:
         """Put a foot down, turn it with the human's, or let it rise.
 
         It stands only where the human has not moved it away from its foothold, and after it has just risen.
@@ -82,21 +84,25 @@ class CausalFootholds:
         if any(held) and (before == SWING or any(b and not h for b, h in zip(before, held, strict=True))):
             self.places[foot], self.landed[foot] = _come_down(corners, carried, STANCES[held], surface), carried
             self.height[foot] = corners[:, 2] - self.places[foot, :, 2]
-        elif any(held):
-            self._turn(foot, carried)
+        elif any(held) and turn:
+            corner = (TOE if held[0] else HEEL)[self.soles.feet[foot] == "l"]
+            pair = np.stack([self.places[foot], self.landed[foot]])
+            self.places[foot], self.landed[foot] = turned(pair, np.full(2, turn), corner)
         elif any(before):
             self.offset[foot] = corners - carried
 
-    def _turn(self, foot: int, carried: Floats) -> None:
-        """Turn the foothold about the ball of the big toe, or that side of the heel, as far as the human's foot heads away."""
-        ahead, begun, own = lengths(np.stack([carried, self.landed[foot], self.places[foot]]))
-        away = (bearing(ahead) - bearing(begun) + pi) % (2 * pi) - pi
-        slack = self.backlash * np.hypot(*own) / max(np.hypot(*ahead), 1e-9)  # as in `settled_heading`
-        turn = away - min(max(away, -slack), slack)
-        if turn:
-            corner = (TOE if self.held[foot][0] else HEEL)[self.soles.feet[foot] == "l"]
-            pair = np.stack([self.places[foot], self.landed[foot]])
-            self.places[foot], self.landed[foot] = turned(pair, np.full(2, turn), corner)
+    def _turns(self, carried: Floats) -> list[float]:
+        """Return by how much the foothold of each foot turns [rad], as far as the human's foot heads away from it.
+
+        It turns about the ball of the big toe, or that side of the heel.
+        """
+        ahead = lengths(np.stack([carried, self.landed, self.places]))
+        (now, begun, _), (size, _, own) = bearing(ahead).tolist(), np.hypot(ahead[..., 0], ahead[..., 1]).tolist()
+        slack = [
+            self.backlash * mine / max(human, 1e-9) for mine, human in zip(own, size, strict=True)
+        ]  # `settled_heading`
+        away = [(there - start + pi) % (2 * pi) - pi for there, start in zip(now, begun, strict=True)]
+        return [turn - min(max(turn, -loose), loose) for turn, loose in zip(away, slack, strict=True)]
 
     def _standing(self, foot: int) -> tuple[Floats, Floats]:
         """Return the targets of a stance while the sole moves to the ground.
