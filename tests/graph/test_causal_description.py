@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from robot_retarget.graph.causal.footholds import CLOSING, SWERVE
 from robot_retarget.graph.causal.targets import CausalTargets
 from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.graph.role import Role
@@ -58,6 +59,37 @@ def test_soles_stand_where_the_whole_clip_has_them_stand_but_for_moments(graph: 
     standing = asked(graph)[2][:, first : first + len(track) : 3] > between
     whole = track.priority[:, ::3] >= HARD
     assert (standing == whole).mean() > 0.85
+
+
+@pytest.mark.parametrize("yaw", [-1.5, -0.4, 0.4, 1.5])
+def test_a_foot_lands_as_the_robots_heads_and_turns_slowly_to_the_humans(yaw: float) -> None:
+    """A standing human; the robot's feet are turned by `yaw` about their middles."""
+    graph, turn = describe(read_motion(SAMPLES / "squat.bvh"), load_robot("op3"), fps=30), [np.cos(yaw), np.sin(yaw)]
+    track, soles = graph.kinds["foothold"], graph.kinds["foothold"].lower[0].reshape(-1, 4, 3)
+    first = sum(len(other) for other in graph.tracks[: graph.tracks.index(track)])
+    middle = soles.mean(axis=1, keepdims=True)
+    corners = middle + (soles - middle) @ np.array([[turn[0], turn[1], 0.0], [-turn[1], turn[0], 0.0], [0.0, 0.0, 1.0]])
+    human, all_targets, found = CausalFeatures(graph.human), CausalTargets(graph), []
+    for t, positions in enumerate(graph.motion.positions[:60]):
+        turns = None if graph.motion.rotations is None else graph.motion.rotations[t]
+        lower, _, priority = all_targets.at(human.step(positions, turns, 1 / 30), corners, 1 / 30)
+        edges = slice(first, first + len(track))
+        if priority[edges][0] > track.priority[0, 0] / 2:
+            places = lower[edges].reshape(soles.shape)
+            found.append([headed(place) - headed(sole) for place, sole in zip(places, soles, strict=True)])
+    away = (np.array(found) + np.pi) % (2 * np.pi) - np.pi
+    assert len(away) > 30
+    assert np.abs(np.diff(away, axis=0)).max() <= CLOSING / 30 + 1e-9
+    assert np.abs(away[-1] - np.clip(yaw, -SWERVE, SWERVE)).max() < 0.05
+    assert (
+        np.abs(away[0] - yaw).max() < 4 * CLOSING / 30
+    )  # a foot counts as standing here when it has gained its priority
+
+
+def headed(sole: np.ndarray) -> float:
+    """The direction from mid-heel to mid-toes of corners (4, 3) along the floor [rad]."""
+    ahead = sole[:2].mean(axis=0) - sole[2:].mean(axis=0)
+    return float(np.arctan2(ahead[1], ahead[0]))
 
 
 def test_a_touch_comes_on_within_its_time_and_no_faster(graph: RobotGraph) -> None:

@@ -1,4 +1,4 @@
-"""Footholds of a stream: a sole stands where the robot put it down; in swing it returns to the human's path."""
+"""Footholds of a stream: a sole stands where, and as, the robot put it down; in swing it returns to the human's path."""
 
 from itertools import product
 from math import inf, pi
@@ -17,6 +17,10 @@ STRAYED = 0.2
 """A foot has stepped if the human moves it farther than this from its foothold, over the leg [-]."""
 BLENDED = 0.3
 """A swing foot loses the offset of its foothold within this time [s]."""
+SWERVE = 0.7
+"""A foothold that heads away from the human's foot by more than this turns towards it [rad] ..."""
+CLOSING = 2.0
+"""... with this angular speed: at once, a turn of the whole body would follow [rad/s]."""
 Stance = tuple[bool, bool]
 """Whether the front corners of a sole stand, and the rear ones."""
 STANCES: dict[Stance, Bools] = {
@@ -58,7 +62,7 @@ class CausalFootholds:
         if frame.scene is not None:
             surfaces = [surface_under(human, frame.scene, foot) for foot in feet]
             carried += np.stack([surface.shift for surface in surfaces])
-        away, turns = np.abs(carried - self.landed).max(axis=(1, 2)).tolist(), self._turns(carried)
+        away, turns = np.abs(carried - self.landed).max(axis=(1, 2)).tolist(), self._turns(carried, frame.seconds)
         priority = np.empty_like(carried)
         for k, foot in enumerate(feet):
             wanted = tuple(human.contacts[foot][0].tolist()) if foot in human.contacts else SWING
@@ -72,7 +76,7 @@ class CausalFootholds:
         return carried.ravel(), upper.ravel(), priority.ravel()
 
     def _change(
-        self, foot: int, held: Stance, carried: Floats, frame: StreamFrame, surface: Surface | None, turn: float
+        self, foot: int, held: Stance, carried: Floats, frame: StreamFrame, surface: Surface | None, turn: list[float]
     ) -> None:
         """Put a foot down, turn it with the human's, or let it rise.
 
@@ -82,27 +86,26 @@ class CausalFootholds:
         self.held[foot] = held
         self.since[foot] = 0.0 if any(before) != any(held) else self.since[foot] + frame.seconds
         if any(held) and (before == SWING or any(b and not h for b, h in zip(before, held, strict=True))):
-            self.places[foot], self.landed[foot] = _come_down(corners, carried, STANCES[held], surface), carried
+            self.places[foot], self.landed[foot] = _come_down(corners, STANCES[held], surface), carried
             self.height[foot] = corners[:, 2] - self.places[foot, :, 2]
-        elif any(held) and turn:
+        elif any(held) and any(turn):
             corner = (TOE if held[0] else HEEL)[self.soles.feet[foot] == "l"]
             pair = np.stack([self.places[foot], self.landed[foot]])
-            self.places[foot], self.landed[foot] = turned(pair, np.full(2, turn), corner)
+            self.places[foot], self.landed[foot] = turned(pair, np.array(turn), corner)
         elif any(before):
             self.offset[foot] = corners - carried
 
-    def _turns(self, carried: Floats) -> list[float]:
-        """Return by how much the foothold of each foot turns [rad], as far as the human's foot heads away from it.
+    def _turns(self, carried: Floats, seconds: float) -> list[list[float]]:
+        """Return by how much the foothold of each foot turns, and by how much of it with the human's foot [rad].
 
-        It turns about the ball of the big toe, or that side of the heel.
+        It turns with the human's foot where this heads away from its landing, and to it where it is far from it. It turns
+        about the ball of the big toe, or that side of the heel.
         """
         ahead = lengths(np.stack([carried, self.landed, self.places]))
-        (now, begun, _), (size, _, own) = bearing(ahead).tolist(), np.hypot(ahead[..., 0], ahead[..., 1]).tolist()
-        slack = [
-            self.backlash * mine / max(human, 1e-9) for mine, human in zip(own, size, strict=True)
-        ]  # `settled_heading`
-        away = [(there - start + pi) % (2 * pi) - pi for there, start in zip(now, begun, strict=True)]
-        return [turn - min(max(turn, -loose), loose) for turn, loose in zip(away, slack, strict=True)]
+        (now, begun, stands), (size, _, own) = bearing(ahead), np.hypot(ahead[..., 0], ahead[..., 1])
+        turn = _beyond(now - begun, self.backlash * own / np.maximum(size, 1e-9))  # as in `settled_heading`
+        closing = _beyond(now - stands - turn, SWERVE).clip(-CLOSING * seconds, CLOSING * seconds)
+        return np.stack([turn + closing, turn], axis=1).tolist()
 
     def _standing(self, foot: int) -> tuple[Floats, Floats]:
         """Return the targets of a stance while the sole moves to the ground.
@@ -130,11 +133,17 @@ class CausalFootholds:
         return self.hard**share * self.swing ** (1 - share)
 
 
-def _come_down(corners: Floats, carried: Floats, held: Bools, surface: Surface | None) -> Floats:
-    """Return a foothold (4, 3) under corners (4, 3): flat, headed as the human's foot (4, 3), held corners in place.
+def _come_down(corners: Floats, held: Bools, surface: Surface | None) -> Floats:
+    """Return a foothold (4, 3) under corners (4, 3): flat, with their heading, held corners in place.
 
     It is on the floor, or on a surface of one frame.
     """
-    place = flattened(carried)
+    place = flattened(corners)
     place[:, :2] += (corners - place)[held, :2].mean(axis=0)
     return place if surface is None else raised(place, surface.places[0], surface.normals[0])
+
+
+def _beyond(angle: Floats, slack: Floats | float) -> Floats:
+    """Return how far angles (…) are beyond a slack either way, all between half turns [rad]."""
+    away = (angle + pi) % (2 * pi) - pi
+    return away - np.clip(away, -slack, slack)
