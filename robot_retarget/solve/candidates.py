@@ -182,9 +182,13 @@ class Candidates:
         turned = np.stack(
             [difference(robot, before, np.broadcast_to(pose.qpos, before.shape)) for pose in self.poses[k]], 1
         )
-        beyond = np.maximum(np.abs(turned[..., robot.dof_index]) - self._reach(k - 1, k), 0.0)
         through = [[self.through.get((one, other), 0.0) for other in self.poses[k]] for one in self.poses[k - 1]]
-        return self.search_options.change * (turned**2).sum(axis=2) + beyond_speed * (beyond**2).sum(axis=2) + through
+        return self._change(turned, self._reach(k - 1, k), beyond_speed) + through
+
+    def _change(self, turned: Floats, reach: Floats, beyond_speed: float) -> Floats:
+        """Return the costs (…) of changes (…, nv) between moments, in which the hinges reach (n,) within their speeds."""
+        beyond = np.maximum(np.abs(turned[..., self.solver.robot.dof_index]) - reach, 0.0)
+        return self.search_options.change * (turned**2).sum(axis=-1) + beyond_speed * (beyond**2).sum(axis=-1)
 
     def _follow(self, chains: "list[PoseChain]") -> None:
         """Take all chains from moment to moment, within the angles that the joints reach, until they meet known poses."""
@@ -213,16 +217,15 @@ class Candidates:
     def _longer(self, chain: PoseChain, moment: int, pose: FrameSolution) -> PoseChain | None:
         """Keep the next pose of a chain; return the chain, or None where it meets a known pose.
 
-        A chain also ends where its excess is too large against the cost of a change to the cheapest pose.
+        A chain also ends where its excess is larger than the cost of a change to the cheapest pose.
         """
         best = min(self.poses[moment], key=lambda each: each.cost, default=pose)
         if not self._add(moment, pose):
             return None
         excess = chain.excess + max(pose.cost - best.cost, 0.0)
-        change, search = difference(self.solver.robot, pose.qpos, best.qpos), self.search_options
-        if excess > search.abandoned * search.change * float((change**2).sum()):
-            return None
-        return PoseChain(pose, moment, chain.way, excess)
+        turned = difference(self.solver.robot, pose.qpos, best.qpos)
+        change = self._change(turned, self._reach(chain.moment, moment), self.search_options.beyond_speed)
+        return None if excess > change else PoseChain(pose, moment, chain.way, excess)
 
     def _reach(self, one: int, other: int) -> Floats:
         """Return (n,) how far the hinges turn between two moments, at the least speed of the frames between [rad]."""

@@ -63,8 +63,6 @@ class Search:
     """Two poses count as the same if all their hinges lie nearer than this [rad]."""
     held: float = 0.03
     """Weight that draws a pose to that of the moment before when it is followed [1/rad²]."""
-    abandoned: float = 4.0
-    """A pose is followed until the cost beyond the cheapest poses' exceeds the cost of a change to these by this factor [-]."""
     change: float = 0.5
     """Cost of a change of pose between moments [1/rad²] ..."""
     beyond_speed: float = 30.0
