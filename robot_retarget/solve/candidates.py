@@ -6,8 +6,8 @@ between them. It follows each pose forward and backward at a low frame rate unti
 path of least cost by dynamic programming. Links that pass through each other between two moments make a way dear.
 """
 
+import itertools
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -129,28 +129,34 @@ class Candidates:
         path = self.cheapest(beyond_speed=0.0)
         angles = np.array([pose.qpos[self.hinges] for pose in path])
         reach = self.bounds.speed.min(axis=0) * np.diff(self.times).max(initial=0.0)
-        paced = within_speeds(angles, reach, self.first)
-        for k in np.flatnonzero(np.abs(paced - angles).max(axis=1) > self.search_options.same):
-            start = path[k].qpos.copy()
-            start[self.hinges] = paced[k]
-            near = [(paced[j], reach) for j in (k - 1, k + 1) if 0 <= j < len(path)]
-            box = self._ranges(np.array([k])).around(near)
-            pose = self._descend(start[None], np.array([k]), box)[0]
-            paced[k] = pose.qpos[self.hinges]
-            self.poses[k].append(pose)
+        paced, last = within_speeds(angles, reach, self.first), len(path) - 1
+        jumps = np.flatnonzero(np.abs(paced - angles).max(axis=1) > self.search_options.same)
+        for half in (jumps[jumps % 2 == 0], jumps[jumps % 2 == 1]):  # so that neighbours do not move
+            if not half.size:
+                continue
+            start = np.array([path[k].qpos for k in half.tolist()])
+            start[:, self.hinges] = paced[half]
+            sides = (half - 1).clip(0), (half + 1).clip(max=last)
+            near = [(paced[side], np.where((side == half)[:, None], np.inf, reach)) for side in sides]
+            for k, pose in zip(half.tolist(), self._descend(start, half, self._ranges(half).around(near)), strict=True):
+                paced[k] = pose.qpos[self.hinges]
+                self.poses[k].append(pose)
 
     def cheapest(self, beyond_speed: float | None = None) -> list[FrameSolution]:
         """Return the path of least cost whose ways between moments keep links apart, where such a path is known."""
+        changes = self._changes(self.search_options.beyond_speed if beyond_speed is None else beyond_speed)
         while True:
-            path = self._viterbi(self.search_options.beyond_speed if beyond_speed is None else beyond_speed)
-            new = [way for way in pairwise(path) if way not in self.through]
+            chosen = self._viterbi(changes)
+            path = [poses[k] for poses, k in zip(self.poses, chosen, strict=True)]
+            new = [k for k, way in enumerate(itertools.pairwise(path)) if way not in self.through]
             if not new:
                 return path
-            depth = self._depths(*(np.array([pose.qpos for pose in side]) for side in zip(*new, strict=True))).max(
-                axis=1
-            )
+            qpos = np.array([pose.qpos for pose in path])
+            depth = self._depths(qpos[new], qpos[1:][new]).max(axis=1)
             costs = self.search_options.through * np.where(depth > DEEP, depth, 0.0) ** 2
-            self.through |= zip(new, costs.tolist(), strict=True)
+            for k, cost in zip(new, costs.tolist(), strict=True):
+                self.through[path[k], path[k + 1]] = cost
+                changes[k][chosen[k], chosen[k + 1]] += cost
 
     def _depths(self, before: Floats, after: Floats) -> Floats:
         """Return the overlaps of links (N, S) at `SHARES` of the ways between configurations (N, nq), over the leg [-]."""
@@ -163,30 +169,35 @@ class Candidates:
             found[far] = self.solver.costs.overlap(integrate(robot, every, turned)).reshape(-1, len(SHARES))
         return found / self.solver.leg
 
-    def _viterbi(self, beyond: float) -> list[FrameSolution]:
-        """Return Viterbi's path: the least sum of the moments' costs and of the changes between them."""
-        total = np.array([p.cost for p in self.poses[0]])
-        back: list[np.ndarray] = []
-        for k in range(1, len(self.poses)):
-            steps = total[:, None] + self._changes(k, beyond)
+    def _viterbi(self, changes: list[Floats]) -> list[int]:
+        """Return Viterbi's path, a pose per moment: the least sum of the moments' costs and of the changes between them."""
+        cost = [np.array([pose.cost for pose in poses]) for poses in self.poses]
+        total, back = cost[0], []
+        for change, own in zip(changes, cost[1:], strict=True):
+            steps = total[:, None] + change
             back.append(steps.argmin(axis=0))
-            total = steps.min(axis=0) + [p.cost for p in self.poses[k]]
+            total = steps.min(axis=0) + own
         path = [int(total.argmin())]
         for choice in reversed(back):
             path.append(int(choice[path[-1]]))
-        return [poses[k] for poses, k in zip(self.poses, reversed(path), strict=True)]
+        return path[::-1]
 
-    def _changes(self, k: int, beyond_speed: float) -> Floats:
-        """Return (A, B) the cost of the change from every pose of the previous moment to every pose of this moment."""
-        robot, before = self.solver.robot, np.array([pose.qpos for pose in self.poses[k - 1]])
-        turned = np.stack(
-            [difference(robot, before, np.broadcast_to(pose.qpos, before.shape)) for pose in self.poses[k]], 1
-        )
-        through = [[self.through.get((one, other), 0.0) for other in self.poses[k]] for one in self.poses[k - 1]]
-        return self._change(turned, self._reach(k - 1, k), beyond_speed) + through
+    def _changes(self, beyond_speed: float) -> list[Floats]:
+        """Return (A, B) per two moments the cost of the change from every pose of the first to every pose of the second."""
+        pairs = [list(itertools.product(*two)) for two in itertools.pairwise(self.poses)]
+        ways = [way for each in pairs for way in each]
+        if not ways:
+            return []
+        before, after = (np.array([pose.qpos for pose in side]) for side in zip(*ways, strict=True))
+        reach = np.array([self._reach(k, k + 1) for k in range(len(pairs))])
+        turned = difference(self.solver.robot, before, after)
+        cost = self._change(turned, np.repeat(reach, [len(each) for each in pairs], axis=0), beyond_speed)
+        cost += [self.through.get(way, 0.0) for way in ways]
+        parts = np.split(cost, np.cumsum([len(each) for each in pairs])[:-1])
+        return [part.reshape(len(one), -1) for part, one in zip(parts, self.poses, strict=False)]
 
     def _change(self, turned: Floats, reach: Floats, beyond_speed: float) -> Floats:
-        """Return the costs (…) of changes (…, nv) between moments, in which the hinges reach (n,) within their speeds."""
+        """Return the costs (…) of changes (…, nv) between moments, in which the hinges reach (…, n) within their speeds."""
         beyond = np.maximum(np.abs(turned[..., self.solver.robot.dof_index]) - reach, 0.0)
         return self.search_options.change * (turned**2).sum(axis=-1) + beyond_speed * (beyond**2).sum(axis=-1)
 
