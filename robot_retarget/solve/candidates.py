@@ -1,12 +1,13 @@
 """The candidate set: poses of a clip in several basins of attraction, and the cheapest path through them.
 
 An arm of three joints can follow a human arm in several ways, and a solver that works frame by frame stays in the basin
-in which it began. This module descends from several starts at both ends of a clip, and from the reference pose at moments
-between them. It follows each pose forward and backward at a low frame rate until it meets another pose, and chooses the
+in which it began. This module descends from the reference pose at moments of a clip, and from several starts at the
+dearest of them. It follows each pose forward and backward at a low frame rate until it meets another pose, and chooses the
 path of least cost by dynamic programming. Links that pass through each other between two moments make a way dear.
 """
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,7 +26,7 @@ from robot_retarget.solve.quadratic import Between, Proximal
 from robot_retarget.solve.speeds import within_speeds
 from robot_retarget.solve.spline import cubic_spline
 from robot_retarget.solve.sqp import FrameSolver
-from robot_retarget.solve.starts import descended, multistart, place_root, same_basin
+from robot_retarget.solve.starts import multistart, place_root, same_basin
 
 DEEP = 0.02
 """Links that are deeper in each other on the way between two moments pass through each other, over the leg [-]."""
@@ -101,28 +102,31 @@ class Candidates:
         self._follow([PoseChain(pose, 0, 1)])
 
     def search(self) -> None:
-        """Find the best poses of both ends, and those that the reference pose reaches between; follow each to both sides."""
+        """Find poses at moments and at the ends; follow each to both sides.
+
+        The reference pose reaches one at each moment. Where these are dearest, poses with drawn limbs start too.
+        """
         last, search = len(self.frames) - 1, self.search_options
-        ends = [last] if self.first else [0, last][: len(self.frames)]
-        found = multistart(self.solver, self.graph, self.all_targets, self.frames[ends].tolist(), search)
         stride = max(1, round(search.every / np.diff(self.times).max(initial=1 / search.rate)))
-        between = list(range(stride, last, stride))
-        self._start([*ends, *between], [*(poses[0] for poses in found), *self._reached(between)])
+        moments = [k for k in sorted({*range(0, last, stride), last}) if k >= self.first]
+        if not moments:
+            return
+        found = self._reached(moments)
+        dear = [moments[k] for k in dearest([pose.cost for pose in found], round(search.dear * len(found)))]
+        drawn = multistart(self.solver, self.graph, self.all_targets, self.frames[dear].tolist(), search)
+        every = [*zip((poses[0] for poses in drawn), dear, strict=True), *zip(found, moments, strict=True)]
+        starts = [(pose, k) for pose, k in every if self._add(k, pose)]
+        self._follow([PoseChain(pose, moment, way) for pose, moment in starts for way in (1, -1)])
 
     def _reached(self, moments: list[int]) -> list[FrameSolution]:
         """Return the ends of descents from the reference pose at moments."""
-        if not moments:
-            return []
-        frames, robot = self.frames[moments].tolist(), self.solver.robot
-        starts = [[start] for start in place_root(self.graph, robot.neutral(), frames)]
-        options = {"iterations": self.search_options.reached, "tolerance": self.search_options.tolerance}
-        found = descended(self.solver, self.all_targets, frames, starts, **options)
-        return [end for (end,) in found]
-
-    def _start(self, moments: list[int], found: list[FrameSolution]) -> None:
-        """Keep the poses found at moments that are in no known basin, and follow each to both sides."""
-        starts = [(pose, k) for k, pose in zip(moments, found, strict=True) if self._add(k, pose)]
-        self._follow([PoseChain(pose, moment, way) for pose, moment in starts for way in (1, -1)])
+        frames, reference = self.frames[moments].tolist(), self.solver.robot.neutral()
+        return self.solver.solve_frames(
+            np.array(place_root(self.graph, reference, frames)),
+            self.all_targets.frames(np.array(frames)),
+            iterations=self.search_options.reached,
+            tolerance=self.search_options.tolerance,
+        )
 
     def bridge(self) -> None:
         """Add poses that the joints can reach in time where the path would jump to a cheaper basin."""
@@ -278,6 +282,15 @@ class Candidates:
                 return False
         known.append(pose)
         return True
+
+
+def dearest(cost: Sequence[float], most: int) -> list[int]:
+    """Return which of a row of costs are the largest, no two of them neighbours: this number of them, and one at least."""
+    chosen: list[int] = []
+    for k in np.argsort(-np.array(cost), kind="stable").tolist():
+        if len(chosen) < max(most, 1) and all(abs(k - other) > 1 for other in chosen):
+            chosen.append(k)
+    return chosen
 
 
 def interpolated(robot: Robot, frames: np.ndarray, poses: list[Floats], before: list[Floats]) -> list[Floats]:

@@ -47,8 +47,10 @@ class Search:
     """Time between the moments at which a descent begins in the reference pose [s] ..."""
     reached: int = 12
     """... and maximum number of its steps."""
+    dear: float = 0.06
+    """Share of these moments, the dearest, with several starts [-]; with half more, clips cost the same."""
     starts: int = 8
-    """Number of starts at both ends with limbs drawn within their ranges, in addition to the reference and the standing pose."""
+    """Number of starts with limbs drawn within their ranges, in addition to the reference and the standing pose."""
     rough: int = 4
     """Maximum number of steps of every start ..."""
     finished: int = 4

@@ -2,6 +2,7 @@
 
 import itertools
 import runpy
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.candidates import DEEP, PASSING, SHARES, Candidates
+from robot_retarget.solve.candidates import DEEP, PASSING, SHARES, Candidates, PoseChain, dearest
 from robot_retarget.solve.clip import coarse_tracks
 from robot_retarget.solve.descent import FrameSolution
 from robot_retarget.solve.options import Search
@@ -39,15 +40,22 @@ def filled(moments: int, poses: int) -> Candidates:
     return found
 
 
-def way_cost(found: Candidates, before: FrameSolution, after: FrameSolution, reach: np.ndarray) -> float:
-    """Return the cost of a change by the words of the options, with MuJoCo's distances at every share of the way."""
+def change_cost(found: Candidates, before: FrameSolution, after: FrameSolution, reach: np.ndarray) -> float:
+    """Return the cost of a change by the words of the options."""
     solver, search = found.solver, found.search_options
     turned = difference(solver.robot, before.qpos, after.qpos)
-    hinges = np.abs(turned[solver.robot.dof_index])
+    beyond = np.maximum(np.abs(turned[solver.robot.dof_index]) - reach, 0.0)
+    return float(search.change * (turned**2).sum() + search.beyond_speed * (beyond**2).sum())
+
+
+def way_cost(found: Candidates, before: FrameSolution, after: FrameSolution, reach: np.ndarray) -> float:
+    """Return the cost of a change with MuJoCo's distances at every share of the way."""
+    solver = found.solver
+    turned = difference(solver.robot, before.qpos, after.qpos)
+    far = np.abs(turned[solver.robot.dof_index]).max() > PASSING
     deep = max(solver.depth(integrate(solver.robot, before.qpos, share * turned)) for share in SHARES) / solver.leg
-    through = search.through * deep**2 if deep > DEEP and hinges.max() > PASSING else 0.0
-    beyond = np.maximum(hinges - reach, 0.0)
-    return float(search.change * (turned**2).sum() + search.beyond_speed * (beyond**2).sum() + through)
+    through = found.search_options.through * deep**2 if deep > DEEP and far else 0.0
+    return change_cost(found, before, after, reach) + through
 
 
 def test_the_cheapest_path_is_that_of_all_paths_with_the_overlaps_on_their_ways() -> None:
@@ -67,7 +75,45 @@ def test_the_cheapest_path_is_that_of_all_paths_with_the_overlaps_on_their_ways(
     assert max(found.through.values()) > 0, "the drawn poses have links in each other's way"
 
 
+def test_a_pose_is_followed_until_a_change_to_the_cheapest_costs_less_than_its_excess() -> None:
+    found = filled(3, 1)
+    cheapest, start = found.poses[1][0], found.poses[0][0]
+    dear = replace(cheapest, qpos=found.poses[2][0].qpos)
+    change = change_cost(found, dear, cheapest, found.bounds.speed.min(axis=0) * 0.1)
+    for share, goes_on in ((0.99, True), (1.01, False)):
+        found.poses[1][1:] = []
+        pose = replace(dear, cost=cheapest.cost + share * change)
+        assert (found._longer(PoseChain(start, 0, 1), 1, pose) is not None) == goes_on
+
+
+def test_bridges_between_basins_are_within_reach_of_the_joints() -> None:
+    found = filled(10, 1)
+    base, hinges = found.solver.robot.standing(), found.hinges
+    raised = base.copy()
+    raised[hinges[[found.solver.robot.joint_names.index(f"{side}_sho_pitch") for side in "lr"]]] += [1.4, -1.4]
+    for k, known in enumerate(found.poses):
+        known[:] = [replace(known[0], qpos=base if k < 5 else raised)]
+    found.bridge()
+    added = [k for k, known in enumerate(found.poses) if len(known) > 1]
+    assert len(added) > 2, "1.4 rad take more than two moments"
+    turns = np.abs(np.diff([known[-1].qpos[hinges] for known in found.poses], axis=0))
+    kept = np.full(len(turns), found.search_options.same)  # a pose nearer than this to the paced one stays
+    kept[added[0] : added[-1]] = 0.0
+    assert (turns <= found.bounds.speed.min(axis=0) * 0.1 + kept[:, None] + 1e-9).all()
+
+
 @pytest.mark.parametrize("clip", ["walk", "wave"])
 def test_a_whole_clip_costs_no_more_than_passes_from_a_stream_of_either_direction(clip: str) -> None:
     _, found = STARTS["costs"](SAMPLES / f"{clip}.bvh", load_robot("op3"))
     assert found[0] <= STARTS["ROUNDING"] * min(found[1:])
+
+
+@pytest.mark.parametrize("most", [0, 1, 3, 20])
+def test_the_dearest_moments_are_the_largest_costs_that_have_no_larger_neighbour_chosen(most: int) -> None:
+    cost = np.random.default_rng(most).permutation(12).astype(float)
+    chosen = dearest(cost.tolist(), most)
+    assert chosen[0] == cost.argmax() and len(chosen) <= max(most, 1) and np.diff(sorted(chosen)).min(initial=2) > 1
+    left = set(range(12)) - {near for k in chosen for near in (k - 1, k, k + 1)}
+    assert len(chosen) == max(most, 1) or not left
+    for k in left:
+        assert cost[k] < min(cost[chosen])
