@@ -45,19 +45,19 @@ def joined_rows(cost: StencilCost, path: Floats, targets: ClipTargets, seconds: 
         targets: of the T frames.
         seconds: time from frame to frame [s].
     """
-    stencil, frames = cost.track.stencil, len(path)
-    around = ClipNeighbours(path, targets, np.arange(frames), cost.offsets, seconds)
-    values, slope = cost.rows(path, around)
-    edges, nv = len(cost.track), slope.shape[-1]
-    lower, upper, priority = cost.sides(around, 0)
-    own = values.reshape(frames, len(stencil), edges)[:, stencil.index(0)]
-    _, residual, weight = weighted(cost.track, own, (lower, upper, priority))
+    stencil, edges, nv = cost.track.stencil, len(cost.track), cost.nv
+    every = ClipNeighbours(path, targets, np.arange(len(path)), cost.offsets, seconds)
+    _, residual, weight = weighted(cost.track, cost.values(path), cost.sides(every, 0))
     owner, edge = np.nonzero(weight * residual)
     moved = owner[:, None] + np.array(stencil)
-    data = slope.reshape(frames, len(stencil), edges, nv)[moved, np.arange(len(stencil)), edge[:, None]]
+    frames, place = np.unique(moved, return_inverse=True)
+    _, slope = cost.rows(path[frames], every.of(frames))
+    data = slope.reshape(-1, len(stencil), edges, nv)[
+        place.reshape(moved.shape), np.arange(len(stencil)), edge[:, None]
+    ]
     columns = nv * moved[..., None] + np.arange(nv)
     starts = len(stencil) * nv * np.arange(len(owner) + 1)
-    jacobian = csr_array((data.ravel(), columns.ravel(), starts), shape=(len(owner), frames * nv))
+    jacobian = csr_array((data.ravel(), columns.ravel(), starts), shape=(len(owner), nv * len(path)))
     return JoinedRows(jacobian, residual[owner, edge], weight[owner, edge])
 
 

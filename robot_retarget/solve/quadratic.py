@@ -309,7 +309,7 @@ class CostModel:
 
     def with_neighbours(self, current: Quadratic, q: Floats, around: ClipNeighbours | Neighbours | None) -> Quadratic:
         """The model with the costs that join frames with their neighbours on top."""
-        if around is None or not self.offsets:
+        if around is None or not (self.offsets if around.alone else self.changing):
             return current
         total = [current.cost.copy(), current.gradient.copy(), current.normal.copy()]
         first = len(self.problem.inequalities)

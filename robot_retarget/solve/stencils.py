@@ -134,6 +134,7 @@ class StencilCost:
         key = build_key(robot, match, [track]) if native else None
         self.build = Build(lambda: _functions(robot, match, track), key)
         self.points, self._values, self._slopes = self.build.functions
+        self.nv = robot.model.nv
 
     def values(self, qpos: Floats) -> Floats:
         """Return (T, E) measures at configurations (T, nq); at the ends of the clip, its first or last frame repeats."""
@@ -164,8 +165,7 @@ class StencilCost:
         by_place = zip(*(self.sides(around, own) for own in self.track.stencil), strict=True)
         lower, upper, priority = (np.concatenate(side, axis=1) for side in by_place)
         if not priority.any():
-            nv = self._slopes.shapes[1][1]
-            return np.zeros(len(q)), np.zeros((len(q), nv)), np.zeros((len(q), nv, nv))
+            return np.zeros(len(q)), np.zeros((len(q), self.nv)), np.zeros((len(q), self.nv, self.nv))
         values, slope = self.rows(q, around)
         edges = np.tile(np.arange(len(self.track)), len(self.track.stencil))
         return terms(self.track, values, slope, (lower, upper, priority), edges)
