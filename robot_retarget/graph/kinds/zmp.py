@@ -27,6 +27,8 @@ BETWEEN = " and "
 """Between the names of two soles."""
 LEVEL = 1e-9
 """Added to the squared length of the line between two soles [m²], which may be above each other."""
+BRIEF = 0.05
+"""Huber scale of the distance beyond the hull, over the leg [-]: the whole body does not move for one brief blow of an arm."""
 LEAST_LOAD = 0.7
 """Least force across the floor, over the weight [-]: a smaller force, as before a flight, leaves a small moment wherever it pushes."""
 
@@ -60,6 +62,7 @@ class ZmpKind(Kind):
             priority,
             np.full(len(ends), context.leg),
             ALONG * len(sets),
+            BRIEF,
         )
 
     def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
