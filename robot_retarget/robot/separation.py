@@ -152,7 +152,12 @@ class Separation:
         """Return the depths (N,) of links other than feet under the floor at configurations (N, nq) [m], 0 if all are above it."""
         if self.floor is None:
             return np.zeros(len(qpos))
-        return self.floor.depth(Placed.at(self.model, self.places[0].data, qpos))
+        here = self.places[0]
+        if len(qpos) > 1:
+            return self.floor.depth(Placed.at(self.model, here.data, qpos))
+        here.data.qpos[:] = qpos[0]
+        mujoco.mj_kinematics(self.model, here.data)
+        return self.floor.depth(here.placed)
 
     def _ready(self, threads: int) -> int:
         """Return the number of threads, each with data of its own."""
@@ -167,21 +172,29 @@ class Separation:
             mujoco.mj_kinematics(self.model, data)
             mujoco.mj_comPos(self.model, data)
             mujoco.mj_collision(self.model, data)
-            for column, view in zip(columns, places.views, strict=True):
-                column[k] = view
+            if placed is not places.placed:
+                for column, view in zip(columns, places.views, strict=True):
+                    column[k] = view
             each = data.contact
             contacts.append((each.dist.copy(), each.geom.copy(), each.pos.copy(), each.frame[:, :3].copy()))
         return contacts
 
-    def _measured(self, qpos: Floats, threads: int = 1) -> tuple[Placed, list[GeomDistances]]:
-        """Place the robot in configurations (N, nq); return also where links are near each other, in parts."""
+    def _contacts_along(self, qpos: Floats, threads: int) -> tuple[Placed, list[tuple[np.ndarray, ...]]]:
+        """Return where the robot is in configurations (N, nq), and MuJoCo's contacts of each; one is read in place."""
+        if len(qpos) == 1:
+            placed = self.places[0].placed
+            return placed, self._contacts(self.places[0], qpos, placed)
         placed = Placed.empty(self.model, len(qpos))
         found = in_parts(
             lambda k, rows: self._contacts(self.places[k], qpos[rows], placed.rows(rows)),
             len(qpos),
             self._ready(threads),
         )
-        contacts = [each for part in found for each in part]
+        return placed, [each for part in found for each in part]
+
+    def _measured(self, qpos: Floats, threads: int = 1) -> tuple[Placed, list[GeomDistances]]:
+        """Place the robot in configurations (N, nq); return also where links are near each other, in parts."""
+        placed, contacts = self._contacts_along(qpos, threads)
         frame = np.repeat(np.arange(len(qpos)), [len(each[0]) for each in contacts])
         found = GeomDistances(
             frame, *(contacts[0] if len(contacts) == 1 else map(np.concatenate, zip(*contacts, strict=True)))
@@ -211,6 +224,8 @@ class _Places:
         """Make the data of the model with margins and of the plain one."""
         self.data, self.touching = mujoco.MjData(model), mujoco.MjData(plain)
         self.views: tuple[Floats, ...] = views(self.data)  # to ask for one takes as long as to use it
+        self.placed: Placed = Placed.of(self.data)
+        """Where the robot of `data` is."""
 
 
 def _models(robot: Robot, reach: float) -> tuple[mujoco.MjModel, mujoco.MjModel]:
