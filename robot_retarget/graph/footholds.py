@@ -15,6 +15,7 @@ from robot_retarget.graph.placed_scene import PlacedScene, placed_scene
 from robot_retarget.graph.soles import HEEL, TOE, flattened, lengths, raised, turned
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.match import Match
+from robot_retarget.human.stance import StanceRule
 from robot_retarget.ramps import smoothstep
 from robot_retarget.robot import Points, Robot, world_points
 from robot_retarget.robot.feet import CORNERS, sole_corners
@@ -49,7 +50,7 @@ def footholds_of(human: HumanFeatures, match: Match, robot: Robot, backlash: flo
     if not feet:
         return Footholds(feet, held, places, np.zeros(held.shape))
     soles, scene = soles_of(human, match, robot), placed_scene(human, match)
-    ways = soles.places(human)
+    ways = soles.lifted(human)
     for k, foot in enumerate(feet):
         if foot in human.contacts:
             held[:, k, TOE], held[:, k, HEEL] = human.contacts[foot][:, :1], human.contacts[foot][:, 1:]
@@ -125,6 +126,10 @@ class Soles:
     """(F, 4, 3) corners relative to the ankles: ahead, to their left and up [m]."""
     tips: tuple[tuple[Floats, Floats], ...]
     """Per foot, points (P, 3) from the front corners on, and from the rear corners back: toes and heel are round [m]."""
+    parts: Ints
+    """(F, 2) toe and ankle among the keypoints."""
+    rests: Floats
+    """(F, 2) their heights over the ground in stance [m]; infinite for an unknown toe."""
 
     def places(self, human: HumanFeatures) -> Floats:
         """Return (T, F, 4, 3) corners with the rotations of the human's feet [m]."""
@@ -135,6 +140,16 @@ class Soles:
         )
         places[..., :2] += self.leftward * leftward(human.heading)[:, None]
         return places[:, :, None] + self.corners @ self._turns(human).swapaxes(2, 3)
+
+    def lifted(self, human: HumanFeatures) -> Floats:
+        """Return places (T, F, 4, 3) whose front corners are as high as the lower of the human's toe and heel, scaled, or higher [m].
+
+        A sole does not bend at its toes, and reaches lower than a human's pitched foot.
+        """
+        corners = self.places(human)
+        low = self.root_scaling.ratio * (human.positions[:, self.parts, 2] - self.rests).min(axis=2)
+        corners[..., 2] += np.maximum(low - corners[:, :, TOE, 2].min(axis=2), 0.0)[..., None]
+        return corners
 
     def rises(self, human: HumanFeatures, held: np.ndarray) -> Floats:
         """Return (T, F, 4) how high standing corners are while the pitched foot touches the ground with its tip [m].
@@ -167,7 +182,18 @@ def soles_of(human: HumanFeatures, match: Match, robot: Robot) -> Soles:
     apart = match.leg_ratio * float(np.median(np.linalg.norm(left - right, axis=1))) / 2
     outward = [[(hip - apart) * (1 if foot == "l" else -1)] for hip, foot in zip(wide, feet, strict=True)]
     corners, tips = np.array([own[:CORNERS] for own in points]), tuple(_tips(own) for own in points)
-    return Soles(feet, root_scaling_of(human, match), hips, ankles, np.array(outward), corners, tips)
+    parts, rests = _parts(human, match, feet)
+    return Soles(feet, root_scaling_of(human, match), hips, ankles, np.array(outward), corners, tips, parts, rests)
+
+
+def _parts(human: HumanFeatures, match: Match, feet: tuple[str, ...]) -> tuple[Ints, Floats]:
+    """Return toe and ankle (F, 2) of feet among the keypoints, and their heights over the ground in stance [m]; infinite for an unknown toe."""
+    toes = [f"{foot}_toe" if f"{foot}_toe" in match.keypoints else f"{foot}_ankle" for foot in feet]
+    parts = np.array([[match.index(toe), match.index(f"{foot}_ankle")] for toe, foot in zip(toes, feet, strict=True)])
+    known = parts[:, 0] != parts[:, 1]
+    toe, ankle = (StanceRule().floor_height(human.positions[:, part, 2]) for part in parts.T)
+    over = np.where(known, toe - ankle, np.inf)
+    return parts, human.ankle_height + np.column_stack([over, np.zeros(len(feet))])
 
 
 def _tips(points: Floats) -> tuple[Floats, Floats]:

@@ -23,6 +23,7 @@ from robot_retarget.graph.footholds import (
     soles_of,
     without_unreachable,
 )
+from robot_retarget.graph.phase import SolvedPhase
 from robot_retarget.graph.soles import HEEL, TOE, flattened, lengths
 from robot_retarget.graph.track import HARD
 from robot_retarget.human.features import features_of
@@ -325,6 +326,34 @@ def test_a_flat_foot_has_its_corners_on_the_floor() -> None:
     matched = match(walk().motion, load_robot("op3"))
     human = features_of(walk().motion, matched)
     assert not soles_of(human, matched, load_robot("op3")).rises(human, np.ones((len(human), 2, 4), bool)).any()
+
+
+def test_toes_of_a_long_rigid_foot_swing_no_lower_than_the_humans_lowest_part_of_a_foot() -> None:
+    """Scaled by the leg; oracle: toe and ankle over their lowest twentieth."""
+    graph = walk()
+    x, match, soles = graph.human.positions, graph.match, soles_of(graph.human, graph.match, graph.robot)
+    corners = soles.lifted(graph.human)
+    longer = replace(soles, corners=soles.corners + 0.05 * np.eye(3)[0] * (np.arange(4) < 2)[:, None]).lifted(
+        graph.human
+    )
+    for k, foot in enumerate(soles.feet):
+        toe, ankle = (x[:, match.index(f"{foot}_{part}"), 2] for part in ("toe", "ankle"))
+        low = match.leg_ratio * np.minimum(toe - np.quantile(toe, 0.05), ankle - np.quantile(ankle, 0.05))
+        assert low.max() > 0.01
+        for found in (corners, longer):
+            assert (found[:, k, TOE, 2].min(axis=1) > low - 0.003).all()
+
+
+def test_without_balance_feet_in_swing_stay_as_high_as_the_plan_wherever_the_coarse_path_has_them() -> None:
+    graph = walk().unbalanced()
+    track, shape, up = graph.kinds["foothold"], (len(graph), 2, 4, 3), np.array([0.0, 0.0, 0.02])
+    plan, swings = track.lower.reshape(shape), ~(track.priority.reshape(shape)[..., 2] >= HARD).any(axis=2)
+    low = track.kind.renewed(track, (plan - up).reshape(track.lower.shape), SolvedPhase())
+    places = low.lower.reshape(shape)[..., 2].min(axis=2)
+    assert np.allclose(places[swings], plan[..., 2].min(axis=2)[swings], atol=1e-9) and swings.any()
+    assert (places[~swings] == 0).all()
+    high = track.kind.renewed(track, (plan + up).reshape(track.lower.shape), SolvedPhase())
+    assert (high.lower.reshape(shape)[..., 2].min(axis=2)[swings] >= plan[..., 2].min(axis=2)[swings] - 1e-9).all()
 
 
 def test_a_robot_that_is_bolted_to_the_world_has_no_footholds() -> None:

@@ -146,6 +146,8 @@ class FootholdKind(Kind):
             away = np.linalg.norm((corners - places)[..., :2], axis=-1).mean(axis=2)
             held = without_unreachable(planned, away, phase.unreached, fixed)
             places = _places(held, corners, fixed, planes, headings)
+        if self.pivots:
+            places[fixed:] = _lifted(places, plan, planned)[fixed:]
         if self.known:
             nears = np.abs(places - plan).max(axis=(2, 3)) < self.met
             places[nears] = plan[nears]
@@ -213,6 +215,14 @@ def _places(
         for k, (plane, heading) in enumerate(zip(planes, headings, strict=True))
     ]
     return np.stack(places, axis=1)
+
+
+def _lifted(places: Floats, plan: Floats, held: np.ndarray) -> Floats:
+    """Return places (T, F, 4, 3) with no corner of a swing foot (held: (T, F, 4)) lower than the plan's foot, which the human lifts."""
+    lifted, least = places.copy(), plan[..., 2].min(axis=2, keepdims=True)
+    swings = ~held.any(axis=2, keepdims=True)
+    lifted[..., 2] = np.where(swings, np.maximum(places[..., 2], least), places[..., 2])
+    return lifted
 
 
 def _plane(corners: Floats) -> Surface | None:
