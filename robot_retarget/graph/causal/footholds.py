@@ -86,7 +86,11 @@ class CausalFootholds:
         self.held[foot] = held
         self.since[foot] = 0.0 if any(before) != any(held) else self.since[foot] + frame.seconds
         if any(held) and (before == SWING or any(b and not h for b, h in zip(before, held, strict=True))):
-            self.places[foot], self.landed[foot] = _come_down(corners, STANCES[held], surface), carried
+            # On a body a foot heads as the human's does: otherwise it meets the body's edges in another place.
+            self.places[foot], self.landed[foot] = (
+                _come_down(corners, corners if surface is None else carried, STANCES[held], surface),
+                carried,
+            )
             self.height[foot] = corners[:, 2] - self.places[foot, :, 2]
         elif any(held) and any(turn):
             corner = (TOE if held[0] else HEEL)[self.soles.feet[foot] == "l"]
@@ -133,12 +137,12 @@ class CausalFootholds:
         return self.hard**share * self.swing ** (1 - share)
 
 
-def _come_down(corners: Floats, held: Bools, surface: Surface | None) -> Floats:
-    """Return a foothold (4, 3) under corners (4, 3): flat, with their heading, held corners in place.
+def _come_down(corners: Floats, heading: Floats, held: Bools, surface: Surface | None) -> Floats:
+    """Return a foothold (4, 3) under corners (4, 3): flat, with the heading of other corners (4, 3), held corners in place.
 
     It is on the floor, or on a surface of one frame.
     """
-    place = flattened(corners)
+    place = flattened(heading)
     place[:, :2] += (corners - place)[held, :2].mean(axis=0)
     return place if surface is None else raised(place, surface.places[0], surface.normals[0])
 
