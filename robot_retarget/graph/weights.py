@@ -64,13 +64,13 @@ class Weights:
     """... and wrists, if no marker shows the rotation of a hand [1/rad²]."""
     swing: float = path
     """A swing foot at its reference, as the pelvis on its path."""
-    smooth: float = 21.5
+    smooth: float = 21.0
     """Squared second differences of the joints at `REFERENCE_FPS` [1/rad²]."""
     smooth_root: float = 80.0
     """Factor for the place of the root: legs absorb what would accelerate the whole body [rad²/m²] ..."""
     smooth_turn: float = 50.0
     """... and for its rotation [-]."""
-    zmp: float = 0.5
+    zmp: float = 0.0
     """The zero moment point outside the hull of the soles that stand, over the leg; 0 disables it [-]."""
     inertia: float = 0.5
     """Inertia of hinges in streams, as a share of that of `RealTime.frequency` [-] ..."""
