@@ -42,7 +42,7 @@ MODES = ("auto", "static", "dynamic", "off")
 
 
 def balance_modes(robot: Robot, legs: str, balance: str) -> tuple[str, ...]:
-    """Return the modes of balance to try, in order of preference; none leaves a motion as it is.
+    """Return the modes of balance to try, in order of preference; empty without balance.
 
     A robot in static balance may halt at any time. Dynamic balance needs less time for a step.
 

@@ -97,9 +97,8 @@ def stretched(stretch: Floats, timeline: Timeline, needs: Floats, pacing: Pacing
     slower = np.exp(gaussian_filter1d(np.log(wide), width, mode="nearest"))[inside]
     at, last = timeline.at[inside], len(stretch) - 1
     factor = np.interp(np.arange(len(stretch)) + 0.5, at, slower)
-    np.maximum.at(
-        factor, np.minimum(at.astype(int), last), slower
-    )  # the first and the last pose last longer than a frame
+    # The first and the last pose of the clip may last longer than a frame.
+    np.maximum.at(factor, np.minimum(at.astype(int), last), slower)
     return _capped(stretch * factor, pacing)
 
 

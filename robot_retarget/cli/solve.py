@@ -64,7 +64,7 @@ class SolvedOptions(OutputOptions):
 
 @options
 class EffortOptions:
-    """How many cores a clip takes."""
+    """Threads of a solve."""
 
     threads: int = option("Threads that share its frames; the result is the same.", default=1, min=1)
 

@@ -72,7 +72,7 @@ class Kind:
     whole: bool = False
     """Whether the edges belong together: single ones are dropped by π = 0."""
     planned: bool = False
-    """Whether balance plans what the edges ask for, in its own way: a balanced motion has none of them."""
+    """Whether balance replaces the edges by a plan of its own: a balanced motion has none of them."""
     raises_root: bool = False
     """Whether raising the root restores a symbolic inequality: a height over the floor."""
     most: int = 24

@@ -22,7 +22,7 @@ from robot_retarget.robot.kinematics import Bodies, carrying, mass_shares
 SAMPLES = 6
 """Number of configurations at which entries must agree to count as the same."""
 Key = tuple[str | float, ...]
-"""What a symbol stands for: a point, an axis, the hinges or the centre of mass."""
+"""Name of a symbol, and the numbers that place it: a point, an axis, the hinges or the centre of mass."""
 DIGITS = 11
 """Entries that agree at all of those to this number of decimals are equal, or zero."""
 

@@ -11,6 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation, RotationSpline
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.graph.describe import RobotGraph
@@ -24,7 +26,6 @@ from robot_retarget.solve.options import Search
 from robot_retarget.solve.problem import ClipTargets
 from robot_retarget.solve.quadratic import Between, Proximal
 from robot_retarget.solve.speeds import within_speeds
-from robot_retarget.solve.spline import cubic_spline
 from robot_retarget.solve.sqp import FrameSolver
 from robot_retarget.solve.starts import multistart, place_root, same_basin
 
@@ -305,10 +306,10 @@ def interpolated(robot: Robot, frames: np.ndarray, poses: list[Floats], before: 
     knots = np.concatenate([np.arange(-len(before), 0), frames])
     turning = [int(robot.model.jnt_qposadr[j]) for j in robot.root_joints if robot.model.jnt_type[j] == HINGE]
     known[:, turning] = np.unwrap(known[:, turning], axis=0)
-    quaternion = slice(robot.root_address + 3, robot.root_address + 7) if robot.floating else slice(0)
-    turns = known[:, quaternion]
-    turns[1:][np.logical_xor.accumulate((turns[1:] * turns[:-1]).sum(axis=1) < 0)] *= -1  # −q is the rotation q
-    full, hinges = cubic_spline(knots, known, wanted), robot.qpos_index
+    full, hinges = CubicSpline(knots, known)(wanted), robot.qpos_index
     full[:, hinges] = full[:, hinges].clip(robot.lower, robot.upper)
-    full[:, quaternion] /= np.linalg.norm(full[:, quaternion], axis=1, keepdims=True)
+    if robot.floating:
+        a = robot.root_address + 3
+        turns = RotationSpline(knots, Rotation.from_quat(known[:, a : a + 4], scalar_first=True))
+        full[:, a : a + 4] = turns(wanted).as_quat(scalar_first=True)
     return list(full)

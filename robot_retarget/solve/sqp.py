@@ -186,10 +186,8 @@ class FrameSolver:
 
     def _with_terms(self, descent: Descent, base: Quadratic, q: Floats, frames: Ints) -> Quadratic:
         """Return the model of frames at q with the terms of proximal and neighbours."""
-        proximal, around = (
-            descent.proximal and descent.proximal.of(frames),
-            descent.around and descent.around.of(frames),
-        )
+        proximal = descent.proximal and descent.proximal.of(frames)
+        around = descent.around and descent.around.of(frames)
         return self.costs.with_neighbours(self.costs.with_proximal(base, q, proximal), q, around)
 
     def _steps(

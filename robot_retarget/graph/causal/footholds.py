@@ -1,4 +1,4 @@
-"""Footholds of a stream: a sole stands where, and as, the robot put it down; in swing it returns to the human's path."""
+"""Footholds of a stream: a sole stands where the robot put it down, with the heading that it had; in swing it returns to the human's path."""
 
 from itertools import product
 from math import inf, pi
@@ -86,11 +86,9 @@ class CausalFootholds:
         self.held[foot] = held
         self.since[foot] = 0.0 if any(before) != any(held) else self.since[foot] + frame.seconds
         if any(held) and (before == SWING or any(b and not h for b, h in zip(before, held, strict=True))):
-            # On a body a foot heads as the human's does: otherwise it meets the body's edges in another place.
-            self.places[foot], self.landed[foot] = (
-                _come_down(corners, corners if surface is None else carried, STANCES[held], surface),
-                carried,
-            )
+            heading = corners if surface is None else carried  # the human's foot heads along the edges of a body
+            self.places[foot] = _come_down(corners, heading, STANCES[held], surface)
+            self.landed[foot] = carried
             self.height[foot] = corners[:, 2] - self.places[foot, :, 2]
         elif any(held) and any(turn):
             corner = (TOE if held[0] else HEEL)[self.soles.feet[foot] == "l"]
@@ -102,8 +100,8 @@ class CausalFootholds:
     def _turns(self, carried: Floats, seconds: float) -> list[list[float]]:
         """Return by how much the foothold of each foot turns, and by how much of it with the human's foot [rad].
 
-        It turns with the human's foot where this heads away from its landing, and to it where it is far from it. It turns
-        about the ball of the big toe, or that side of the heel.
+        A foothold turns with the human's foot, but for a backlash since the landing. It also turns towards the human's heading
+        where the two differ by more than `SWERVE`. The axis is at the ball of the big toe, or at that side of the heel.
         """
         ahead = lengths(np.stack([carried, self.landed, self.places]))
         (now, begun, stands), (size, _, own) = bearing(ahead), np.hypot(ahead[..., 0], ahead[..., 1])
