@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import csr_array, vstack
+from scipy.sparse.linalg import LinearOperator, cg
 
 from robot_retarget.arrays import Floats
 from robot_retarget.solve.smooth import SmoothSystem
@@ -21,8 +22,8 @@ from robot_retarget.solve.targets import ClipTargets
 
 STEPS = 20
 """Maximum number of steps of conjugate gradients: a pass later, other edges cost."""
-GAIN = 1e-3
-"""They end when a step gains a smaller share of the first one's gain [-]."""
+RESIDUAL = 1e-2
+"""They end at a smaller share of the first residual [-]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,18 +74,18 @@ def joined_offsets(rows: Sequence[JoinedRows], system: SmoothSystem, rho: Floats
     slope = vstack([each.slope for each in rows])
     weight = np.concatenate([each.weight for each in rows])
     force = -slope.T @ (weight * np.concatenate([each.residual for each in rows]))
-    offset, force = np.zeros(shape), force.reshape(shape)
-    way = drawn = system.solved(force / rho)
-    pushed, gain = force, float((force * drawn).sum())  # B way, and the gain of the step
-    least = GAIN * gain
-    for _ in range(STEPS):
-        if gain <= least:
-            break
-        change = slope @ way.ravel()
-        image = pushed + (slope.T @ (weight * change)).reshape(shape)
-        step = gain / float((way * image).sum())
-        offset, force = offset + step * way, force - step * image
-        drawn, before = system.solved(force / rho), gain
-        gain = float((force * drawn).sum())
-        way, pushed = drawn + gain / before * way, force + gain / before * pushed
-    return offset
+    free = np.repeat(np.arange(shape[0]) >= system.fixed, shape[1])
+
+    def image(offset: Floats) -> Floats:
+        smooth = rho * system.image(offset.reshape(shape))
+        return smooth.ravel() + free * (slope.T @ (weight * (slope @ offset)))
+
+    def nearest(image: Floats) -> Floats:
+        return system.solved(image.reshape(shape) / rho).ravel()
+
+    square = force.size, force.size
+    matrix, inverse = (
+        LinearOperator(square, matvec=each, dtype=float)  # pyright: ignore[reportCallIssue]
+        for each in (image, nearest)
+    )
+    return cg(matrix, free * force, rtol=RESIDUAL, maxiter=STEPS, M=inverse)[0].reshape(shape)

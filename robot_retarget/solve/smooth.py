@@ -32,14 +32,16 @@ class SmoothSystem:
             offsets[self.fixed :, columns] = cho_solve_banded((factor, False), force[self.fixed :, columns])
         return offsets
 
+    def image(self, offsets: Floats) -> Floats:
+        """Return the images (T, n) of offsets (T, n), which are 0 in fixed frames."""
+        found = offsets + _pushed(self.stiffness * np.diff(offsets, 2, axis=0))
+        found[: self.fixed] = 0.0
+        return found
+
     def offsets(self, speed: Floats, bend: Floats | float) -> Floats:
         """Return the offsets of `smooth_offsets`."""
         shape = len(speed) + 1, speed.shape[1]
-        force = self.stiffness * (np.diff(speed, axis=0) - np.broadcast_to(bend, shape)[1:-1])
-        pushed = np.zeros(shape)
-        for shift, factor in ((0, 1.0), (1, -2.0), (2, 1.0)):
-            pushed[shift : shift + len(force)] -= factor * force
-        return self.solved(pushed)
+        return self.solved(-_pushed(self.stiffness * (np.diff(speed, axis=0) - np.broadcast_to(bend, shape)[1:-1])))
 
 
 def smooth_offsets(speed: Floats, stiffness: Floats | float, fixed: int = 0, bend: Floats | float = 0.0) -> Floats:
@@ -60,6 +62,14 @@ def smooth_offsets(speed: Floats, stiffness: Floats | float, fixed: int = 0, ben
     if len(speed) < 2:
         return np.zeros(shape)
     return SmoothSystem(np.broadcast_to(stiffness, shape), fixed).offsets(speed, bend)
+
+
+def _pushed(force: Floats) -> Floats:
+    """Return Dᵀ f (T, n) of forces f (T − 2, n) on second differences."""
+    pushed = np.zeros((len(force) + 2, force.shape[1]))
+    for shift, factor in ((0, 1.0), (1, -2.0), (2, 1.0)):
+        pushed[shift : shift + len(force)] += factor * force
+    return pushed
 
 
 def _bands(stiffness: Floats) -> Floats:
