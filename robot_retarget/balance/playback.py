@@ -17,9 +17,9 @@ from robot_retarget.robot import Robot
 from robot_retarget.robot.dynamics import joint_torques, tread
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.timing import sample
-from robot_retarget.solve.clip import ClipProblem, clip_of, clip_passes
 from robot_retarget.solve.descent import FrameSolution
 from robot_retarget.solve.options import Smoothing
+from robot_retarget.solve.passes import ClipProblem, clip_of, clip_passes
 from robot_retarget.trajectory import Trajectory
 
 QUICK = 0.04

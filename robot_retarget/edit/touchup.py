@@ -19,8 +19,9 @@ from robot_retarget.graph.edits import Edit, edited, end_of
 from robot_retarget.progress import Count
 from robot_retarget.ramps import SMOOTHSTEP_PEAK, smoothstep
 from robot_retarget.robot.kinematics import difference, integrate
-from robot_retarget.solve.clip import clip_of, clip_passes, measured_by, renewed_tracks
+from robot_retarget.solve.clip import measured_by, renewed_tracks
 from robot_retarget.solve.options import Smoothing, SolveOptions
+from robot_retarget.solve.passes import clip_of, clip_passes
 from robot_retarget.solve.problem import ClipTargets, build_problem, targets_of
 from robot_retarget.solve.solution import UnmetEdge
 from robot_retarget.solve.sqp import FrameSolver

@@ -27,6 +27,7 @@ from robot_retarget.robot.separation import Separation
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve import causal as causal_module
 from robot_retarget.solve import clip as clip_module
+from robot_retarget.solve import passes as passes_module
 from robot_retarget.solve import quadratic as quadratic_module
 from robot_retarget.solve import sqp as sqp_module
 from robot_retarget.solve.candidates import coarse_path
@@ -49,7 +50,7 @@ IK_STEPS, FIRST_STEPS, IK_TOLERANCE = 10, 60, 1e-3
 """mink's steps a frame and at the first frame, and the step [rad or m] under which it is done, as our own rule."""
 PROGRAM = "quadratic program"
 MOVES: list[tuple[object, str]] = [(sqp_module, "integrate"), (quadratic_module, "difference")]
-MOVES += [(module, f) for module in (causal_module, clip_module) for f in ("integrate", "difference")]
+MOVES += [(module, f) for module in (causal_module, passes_module) for f in ("integrate", "difference")]
 Places = Mapping[str, list[tuple[object, str]]]
 PARTS: Places = {
     "kinematics and normal equations": [(Mapped, "__call__")],

@@ -17,7 +17,7 @@ import robot_retarget as rr
 from robot_retarget.arrays import Floats
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve import clip as passes
+from robot_retarget.solve import passes
 from robot_retarget.solve.options import Smoothing
 from robot_retarget.solve.problem import targets_of
 from robot_retarget.solve.solve import problem_of, solve_graph
