@@ -3,8 +3,8 @@
 import numpy as np
 
 import robot_retarget as rr
+from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.robot import world_points
-from robot_retarget.shipped import SAMPLES
 
 motion = rr.read_motion(SAMPLES / "wave.bvh").frames(0, 40)
 robot = rr.load_robot("op3")

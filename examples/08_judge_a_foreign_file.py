@@ -4,8 +4,8 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 import robot_retarget as rr
+from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.collision.warn import warnings_of
-from robot_retarget.shipped import SAMPLES
 
 robot = rr.load_robot("op3")
 path = Path(mkdtemp()) / "theirs.pkl"

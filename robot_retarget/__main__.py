@@ -10,7 +10,7 @@ def main() -> None:
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     _open_streams()
-    from robot_retarget.cli import main as command_line
+    from robot_retarget.tools.cli import main as command_line
 
     command_line()
 

@@ -10,16 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, frozen
-from robot_retarget.errors import SceneError, TrajectoryError
-from robot_retarget.files import replacing
-from robot_retarget.goals import FILE_FIELDS as GOAL_FIELDS
-from robot_retarget.goals import Goals, read_goals, require_angles
-from robot_retarget.notebook import card, data_frame
+from robot_retarget.actuators.goals import FILE_FIELDS as GOAL_FIELDS
+from robot_retarget.actuators.goals import Goals, read_goals, require_angles
+from robot_retarget.base.arrays import Floats, frozen
+from robot_retarget.base.errors import SceneError, TrajectoryError
+from robot_retarget.base.files import replacing
+from robot_retarget.base.notebook import card, data_frame
+from robot_retarget.base.untrusted.fields import Field, read_fields
 from robot_retarget.scene.pack import FIELDS as SCENE_FIELDS
 from robot_retarget.scene.pack import arrays_of, scene_from
 from robot_retarget.scene.scene import Scene
-from robot_retarget.untrusted.fields import Field, read_fields
 
 FORMAT_VERSION = 3
 """1: without `source_time` and goals. 2: without `source_sha256`, and `source_time` counts from the first frame used. Both are read."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from robot_retarget.motion import Skeleton
+from robot_retarget.human.skeleton import Skeleton
 
 STANDING = {
     "root": (0, 0, 0), "hips": (0, 0, 0.95), "waist": (0, 0, 1.05), "spine": (0, 0, 1.2), "chest": (0, 0, 1.3),

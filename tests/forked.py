@@ -34,10 +34,10 @@ def run(*words: object, cwd: Path | None = None, file_size: int | None = None) -
 
 def serve() -> None:
     """Fork for each command of the input; print its exit code."""
-    import robot_retarget.cli
-    import robot_retarget.pipeline
-    import robot_retarget.simulate.rollout
-    import robot_retarget.summary  # noqa: F401
+    import robot_retarget.judge.rollout
+    import robot_retarget.solver.pipeline
+    import robot_retarget.tools.cli
+    import robot_retarget.tools.summary  # noqa: F401
 
     for line in sys.stdin:
         child = os.fork()

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
-from robot_retarget.motion import Motion, read_motion
+from robot_retarget.human.motion import Motion
+from robot_retarget.human.read import read_motion
 
 
 def performer(folder: Path, seconds: float = 3.0, fps: float = 60.0) -> Motion:

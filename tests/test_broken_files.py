@@ -10,18 +10,25 @@ import pytest
 from made_trajectories import wander
 
 from robot_retarget.actuators.map import load_map
-from robot_retarget.batch.filters import read_filters
-from robot_retarget.errors import MatchError, MotionError, RobotError, RobotRetargetError, ServoError, TrajectoryError
+from robot_retarget.base.errors import (
+    MatchError,
+    MotionError,
+    RobotError,
+    RobotRetargetError,
+    ServoError,
+    TrajectoryError,
+)
+from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.formats import import_motion
 from robot_retarget.graph.edits import read_edits
 from robot_retarget.human.match import match
+from robot_retarget.human.read import read_motion
+from robot_retarget.judge.thresholds import read_thresholds
 from robot_retarget.live.calibration import load_calibration, save_calibration
-from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.catalog import read_limits
 from robot_retarget.servo.judgement import require_judged
-from robot_retarget.shipped import SAMPLES
-from robot_retarget.simulate.thresholds import read_thresholds
+from robot_retarget.tools.batch.filters import read_filters
 from robot_retarget.trajectory import load_trajectory
 
 OP3 = load_robot("op3")

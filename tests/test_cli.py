@@ -12,7 +12,7 @@ from shared_files import ROOT, SHARED, needs_shared
 from typer.testing import CliRunner
 
 import robot_retarget
-from robot_retarget.cli import app
+from robot_retarget.tools.cli import app
 
 WAVE = ROOT / "samples/wave.bvh"
 

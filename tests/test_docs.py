@@ -17,7 +17,7 @@ import typer.main
 from shared_files import ROOT
 
 import robot_retarget
-from robot_retarget.cli import app
+from robot_retarget.tools.cli import app
 
 DOCS = ROOT / "docs"
 PAGES = sorted([*DOCS.rglob("*.md"), ROOT / "README.md"])

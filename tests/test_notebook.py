@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from made_trajectories import swing
 
-from robot_retarget.errors import UsageError
-from robot_retarget.motion import read_motion
-from robot_retarget.pipeline import retarget
+from robot_retarget.base.errors import UsageError
+from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.human.read import read_motion
+from robot_retarget.judge.rollout import simulate
 from robot_retarget.robot import load_robot
-from robot_retarget.shipped import SAMPLES
-from robot_retarget.simulate.rollout import simulate
+from robot_retarget.solver.pipeline import retarget
 
 OP3 = load_robot("op3")
 SWING = swing(OP3, "l_sho_roll", 0.4, 1.0, 0.5)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from shared_files import ROOT
 
 import robot_retarget as rr
-from robot_retarget.progress import Count, consecutive
+from robot_retarget.base.progress import Count, consecutive
 
 
 @given(st.integers(1, 50), st.integers(1, 50), st.integers(0, 80))

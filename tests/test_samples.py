@@ -11,12 +11,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 from shared_files import ROOT
 
+from robot_retarget.base.keypoints import KEYPOINTS
+from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.human.kinematics import backward
+from robot_retarget.human.motion import Motion
+from robot_retarget.human.read import read_motion
 from robot_retarget.human.recognition import recognise
-from robot_retarget.keypoints import KEYPOINTS
-from robot_retarget.motion import Motion, read_motion
 from robot_retarget.papers.body import table_one_body
-from robot_retarget.shipped import SAMPLES
 
 CLIPS = ("wave", "clap", "hips_and_bow", "squat", "walk")
 STANDING_CLIPS = CLIPS[:-1]

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from made_trajectories import wander
 
-from robot_retarget.errors import TrajectoryError
-from robot_retarget.goals import Goals
+from robot_retarget.actuators.goals import Goals
+from robot_retarget.base.errors import TrajectoryError
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.timing import resample
 from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory

@@ -6,7 +6,7 @@ import pytest
 from shared_files import ROOT
 
 import robot_retarget as rr
-from robot_retarget.errors import TrajectoryError
+from robot_retarget.base.errors import TrajectoryError
 from robot_retarget.human.robot_performer import performed
 from robot_retarget.robot import recognise
 

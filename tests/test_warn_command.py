@@ -10,9 +10,9 @@ import pytest
 from made_trajectories import hold, wander
 from typer.testing import CliRunner
 
-from robot_retarget.cli import app
-from robot_retarget.errors import RobotRetargetError
+from robot_retarget.base.errors import RobotRetargetError
 from robot_retarget.robot import Robot, load_robot
+from robot_retarget.tools.cli import app
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from robot_retarget.errors import OutputError
-from robot_retarget.files import replacing, require_writable
+from robot_retarget.base.errors import OutputError
+from robot_retarget.base.files import replacing, require_writable
 
 
 def write(path: Path, text: str = "new") -> None:

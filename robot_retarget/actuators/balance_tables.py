@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.actuators.bounds import MapError, require_bounds, within
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
 
 STANDARD_GRAVITY = 9.80665
 """[m/s²]."""

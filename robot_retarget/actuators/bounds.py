@@ -5,7 +5,7 @@ from dataclasses import fields
 from numbers import Real
 from typing import Any, NamedTuple
 
-from robot_retarget.errors import ServoError
+from robot_retarget.base.errors import ServoError
 
 
 class MapError(ServoError):

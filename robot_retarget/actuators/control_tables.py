@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from robot_retarget.actuators.motors import MOTORS, MotorModel, motor_named
-from robot_retarget.errors import ServoError
+from robot_retarget.base.errors import ServoError
 
 CENTRE = 2048
 LAST_POSITION = 4095

@@ -17,10 +17,10 @@ from robot_retarget.actuators.balance_tables import Balance, Imu
 from robot_retarget.actuators.bounds import Bounds, MapError, require_bounds, within
 from robot_retarget.actuators.control_tables import BAUDS, CENTRE, LAST_POSITION, Model, model_named
 from robot_retarget.actuators.motors import TICKS_PER_TURN
-from robot_retarget.errors import ServoError, known
-from robot_retarget.shipped import MODELS as SHIPPED
-from robot_retarget.toml_lines import line_of
-from robot_retarget.untrusted.documents import parse_toml, read_text
+from robot_retarget.base.errors import ServoError, known
+from robot_retarget.base.shipped import MODELS as SHIPPED
+from robot_retarget.base.toml_lines import line_of
+from robot_retarget.base.untrusted.documents import parse_toml, read_text
 
 TICKS_PER_RADIAN = TICKS_PER_TURN / tau
 

@@ -8,7 +8,7 @@ at the nominal voltage; another voltage scales what duty gives, not what speed t
 from dataclasses import dataclass
 from math import tau
 
-from robot_retarget.errors import ServoError, known
+from robot_retarget.base.errors import ServoError, known
 
 TICKS_PER_TURN = 4096
 """Of the encoder."""

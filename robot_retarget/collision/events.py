@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget import files
-from robot_retarget.arrays import Floats
+from robot_retarget.base import files
+from robot_retarget.base.arrays import Floats
 
 COLUMNS = ("link_a", "link_b", "first_warning", "predicted_contact", "contact", "lead_s", "depth_m", "last")
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_retarget.arrays import Floats, Ints
-from robot_retarget.errors import UsageError
+from robot_retarget.base.arrays import Floats, Ints
+from robot_retarget.base.errors import UsageError
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import carrying
 from robot_retarget.robot.separation import Separation

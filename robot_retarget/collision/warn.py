@@ -21,9 +21,9 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.arrays import Bools, Floats
+from robot_retarget.base.arrays import Bools, Floats
+from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.collision.events import Event, events_of
-from robot_retarget.errors import TrajectoryError, UsageError
 from robot_retarget.robot import Robot
 from robot_retarget.robot.body_distances import BodyPairs
 from robot_retarget.robot.distances import LinkDistances

@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import TrajectoryError, UsageError
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.robot.mirror import mirror_of
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.recognise import recognise

@@ -4,13 +4,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from robot_retarget.base.errors import UsageError
 from robot_retarget.edit.touchup import EditResult, apply_edit
-from robot_retarget.errors import UsageError
 from robot_retarget.graph.describe import RobotGraph, among_placed, describe
 from robot_retarget.graph.edits import Edit, write_edits
-from robot_retarget.motion import Motion
+from robot_retarget.human.motion import Motion
 from robot_retarget.robot import Robot
-from robot_retarget.solve.solution import unmet_of_user
+from robot_retarget.solver.solution import unmet_of_user
 from robot_retarget.trajectory import Trajectory
 
 

@@ -12,20 +12,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.progress import Count
+from robot_retarget.base.ramps import SMOOTHSTEP_PEAK, smoothstep
 from robot_retarget.graph.added import SOFT, end_name
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.edits import Edit, edited, end_of
-from robot_retarget.progress import Count
-from robot_retarget.ramps import SMOOTHSTEP_PEAK, smoothstep
 from robot_retarget.robot.kinematics import difference, integrate
-from robot_retarget.solve.clip import measured_by, renewed_tracks
-from robot_retarget.solve.options import Smoothing, SolveOptions
-from robot_retarget.solve.passes import clip_of, clip_passes
-from robot_retarget.solve.problem import ClipTargets, build_problem, targets_of
-from robot_retarget.solve.solution import UnmetEdge
-from robot_retarget.solve.sqp import FrameSolver
-from robot_retarget.solve.unmet import unmet_edges
+from robot_retarget.solver.clip import measured_by, renewed_tracks
+from robot_retarget.solver.options import Smoothing, SolveOptions
+from robot_retarget.solver.passes import clip_of, clip_passes
+from robot_retarget.solver.problem import ClipTargets, build_problem, targets_of
+from robot_retarget.solver.solution import UnmetEdge
+from robot_retarget.solver.sqp import FrameSolver
+from robot_retarget.solver.unmet import unmet_edges
 from robot_retarget.trajectory import Trajectory
 
 AROUND = 0.5

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.robot.model import HINGE, SLIDE
 

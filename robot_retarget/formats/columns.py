@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints
-from robot_retarget.errors import TrajectoryError, UsageError, known
+from robot_retarget.base.arrays import Floats, Ints
+from robot_retarget.base.errors import TrajectoryError, UsageError, known
 from robot_retarget.formats.options import SKIPPED, FormatOptions
 from robot_retarget.robot.model import Robot
 from robot_retarget.scene import Scene

@@ -6,9 +6,9 @@ Moving bodies are free bodies, so that trainers simulate them; keyframes hold th
 from dataclasses import replace
 from pathlib import Path
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import UsageError
-from robot_retarget.files import write_text
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import UsageError
+from robot_retarget.base.files import write_text
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import TrajectorySource

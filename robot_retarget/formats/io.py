@@ -3,8 +3,9 @@
 from dataclasses import replace
 from pathlib import Path
 
-from robot_retarget.errors import FileError, TrajectoryError, UsageError, known
-from robot_retarget.files import replacing, replacing_folder, require_writable, write_text
+from robot_retarget.base.errors import FileError, TrajectoryError, UsageError, known
+from robot_retarget.base.files import replacing, replacing_folder, require_writable, write_text
+from robot_retarget.base.untrusted.limits import refusing
 from robot_retarget.formats.columns import Columns, assembled
 from robot_retarget.formats.companion import among_bodies, companion_path, write_companion
 from robot_retarget.formats.format import TrajectoryFormat
@@ -21,7 +22,6 @@ from robot_retarget.robot.played import Played, on_robot
 from robot_retarget.robot.timing import resample
 from robot_retarget.trajectory import Trajectory
 from robot_retarget.trajectory import load_trajectory as load_native
-from robot_retarget.untrusted.limits import refusing
 
 
 def export(

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from robot_retarget.arrays import Ints
+from robot_retarget.base.arrays import Ints
 from robot_retarget.robot.model import Robot
 
 

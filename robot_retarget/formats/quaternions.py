@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import UsageError, known
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import UsageError, known
 from robot_retarget.robot.model import Robot
 
 LAST_FIRST = (1, 2, 3, 0)

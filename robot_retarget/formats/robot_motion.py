@@ -5,8 +5,8 @@ from functools import cached_property
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import UsageError, known
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import UsageError, known
 from robot_retarget.formats.options import FormatOptions
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import resample

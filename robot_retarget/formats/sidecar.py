@@ -5,9 +5,9 @@ import json
 from pathlib import Path
 from typing import Any
 
-from robot_retarget.errors import TrajectoryError
+from robot_retarget.base.errors import TrajectoryError
+from robot_retarget.base.untrusted.documents import read_json
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.untrusted.documents import read_json
 
 KEYS = ("format", "robot", "joint_names", "quaternion", "fps", "sha256")
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robot_retarget.arrays import Floats, path_to_root
-from robot_retarget.errors import GraphError, known
+from robot_retarget.base.arrays import Floats, path_to_root
+from robot_retarget.base.errors import GraphError, known
 from robot_retarget.graph.kinds.own import End, OwnKind
 from robot_retarget.graph.track import HARD, Track, merged
 from robot_retarget.human.match import Match

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from functools import cached_property
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
 from robot_retarget.graph.placed_scene import PlacedScene, placed_scene
 from robot_retarget.graph.weights import Weights
 from robot_retarget.human.features import HumanFeatures

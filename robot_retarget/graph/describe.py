@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_retarget.arrays import Bools, Floats
-from robot_retarget.errors import UsageError
+from robot_retarget.base.arrays import Bools, Floats
+from robot_retarget.base.errors import UsageError
 from robot_retarget.graph.added import added_edge, with_added
 from robot_retarget.graph.graph import Graph
 from robot_retarget.graph.kind import Kind, RetargetContext
@@ -26,9 +26,10 @@ from robot_retarget.graph.track import Track, frame_costs
 from robot_retarget.graph.weights import REFERENCE_FPS, Weights
 from robot_retarget.human.features import HumanFeatures, features_of
 from robot_retarget.human.match import Match, match, read_map
+from robot_retarget.human.motion import Motion
+from robot_retarget.human.read import as_motion
 from robot_retarget.human.surroundings import rescaled
 from robot_retarget.human.terrain import Terrain, with_terrain
-from robot_retarget.motion import Motion, as_motion
 from robot_retarget.robot import Robot, as_robot, freeze
 from robot_retarget.robot.override import frozen_lines
 from robot_retarget.scene import Scene, read_scene

@@ -17,11 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.errors import GraphError, known
-from robot_retarget.files import write_text
+from robot_retarget.base.errors import GraphError, known
+from robot_retarget.base.files import write_text
+from robot_retarget.base.untrusted.documents import parse_toml, read_text
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.kinds.own import End
-from robot_retarget.untrusted.documents import parse_toml, read_text
 
 KEYS = {
     "edge": ("a", "b", "at", "frames", "priority", "hard"),

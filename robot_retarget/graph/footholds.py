@@ -9,14 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.arrays import Bools, Floats, Ints, bearing, intervals, leftward, unit
+from robot_retarget.base.arrays import Bools, Floats, Ints, bearing, intervals, leftward, unit
+from robot_retarget.base.ramps import smoothstep
 from robot_retarget.graph.path import RootScaling, root_scaling_of
 from robot_retarget.graph.placed_scene import PlacedScene, placed_scene
 from robot_retarget.graph.soles import HEEL, TOE, flattened, lengths, raised, turned
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.match import Match
 from robot_retarget.human.stance import StanceRule
-from robot_retarget.ramps import smoothstep
 from robot_retarget.robot import Points, Robot, world_points
 from robot_retarget.robot.feet import CORNERS, sole_corners
 from robot_retarget.scene.scene import as_pose, composed, inverse

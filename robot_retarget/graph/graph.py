@@ -12,8 +12,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robot_retarget.arrays import Bools, Floats
-from robot_retarget.errors import GraphError, known
+from robot_retarget.base.arrays import Bools, Floats
+from robot_retarget.base.errors import GraphError, known
 from robot_retarget.graph.role import FRAME, Role
 from robot_retarget.graph.track import HARD, Track
 

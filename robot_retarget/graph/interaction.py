@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robot_retarget.arrays import Floats, Ints
-from robot_retarget.errors import GraphError, UsageError
+from robot_retarget.base.arrays import Floats, Ints
+from robot_retarget.base.errors import GraphError, UsageError
 
 DEAD_BAND = 1e-9
 """Relative steps up to this length are rest [m]: above rounding at the size of a body, far below any sensor."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
 from robot_retarget.graph.context import RetargetContext as RetargetContext
 from robot_retarget.graph.context import StreamFrame as StreamFrame
 from robot_retarget.graph.phase import Phase as Phase

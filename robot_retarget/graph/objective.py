@@ -15,7 +15,7 @@ from enum import Enum
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
 
 FLOOR = 1e-3
 """Relative errors of a distance below this are relative to this value [m]: the target of a contact is δ = 0."""

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from robot_retarget.arrays import Bools, Floats
+from robot_retarget.base.arrays import Bools, Floats
 from robot_retarget.graph.role import Form, Role
 from robot_retarget.graph.track import Track
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Floats, Ints
+from robot_retarget.base.arrays import Floats, Ints
 from robot_retarget.graph.path import root_scaling_of
 from robot_retarget.human.features import HumanFeatures, features_of
 from robot_retarget.human.match import Match

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints
+from robot_retarget.base.arrays import Floats, Ints
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, bearing, leftward, unit
+from robot_retarget.base.arrays import Floats, bearing, leftward, unit
 
 TOE, HEEL = [0, 1], [2, 3]
 _LEFT, _RIGHT = [0, 2], [1, 3]

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints
-from robot_retarget.errors import GraphError, known
+from robot_retarget.base.arrays import Floats, Ints
+from robot_retarget.base.errors import GraphError, known
 from robot_retarget.graph.role import FRAME
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Points, Robot

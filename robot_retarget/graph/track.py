@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, frozen
-from robot_retarget.errors import GraphError
+from robot_retarget.base.arrays import Floats, frozen
+from robot_retarget.base.errors import GraphError
 from robot_retarget.graph.objective import Objective, edge_terms
 from robot_retarget.graph.role import FRAME, Form, Role
 

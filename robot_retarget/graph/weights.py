@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field, fields, replace
 
-from robot_retarget.errors import UsageError, known
+from robot_retarget.base.errors import UsageError, known
 from robot_retarget.human.normalisation import NEAR
 
 BLEND = 5.0

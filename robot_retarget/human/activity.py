@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import minimum_filter1d
 
-from robot_retarget.arrays import Bools, Floats, intervals
-from robot_retarget.errors import BalanceError
+from robot_retarget.base.arrays import Bools, Floats, intervals
+from robot_retarget.base.errors import BalanceError
 from robot_retarget.human.match import Match
 from robot_retarget.human.stance import WINDOW, StanceRule
 

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from robot_retarget.arrays import Bools, Floats, Ints
+from robot_retarget.base.arrays import Bools, Floats, Ints
 from robot_retarget.human.feet import FEET, untwisted
 from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion

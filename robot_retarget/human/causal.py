@@ -4,7 +4,7 @@ from math import hypot
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
 from robot_retarget.human.causal_touches import CausalSurroundings
 from robot_retarget.human.contacts import CausalContacts, on_soles
 from robot_retarget.human.features import HumanFeatures

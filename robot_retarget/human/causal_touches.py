@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from robot_retarget.arrays import Bools, Floats, lengths, unit
+from robot_retarget.base.arrays import Bools, Floats, lengths, unit
 from robot_retarget.human.match import Match
 from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.human.stance import StanceRule

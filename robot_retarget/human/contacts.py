@@ -8,7 +8,7 @@ from math import exp
 
 import numpy as np
 
-from robot_retarget.arrays import Bools, Floats, Ints, lengths
+from robot_retarget.base.arrays import Bools, Floats, Ints, lengths
 from robot_retarget.human.match import Match
 from robot_retarget.human.stance import StanceRule, standing, without_flicker
 

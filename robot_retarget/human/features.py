@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from robot_retarget.arrays import Bools, Floats
+from robot_retarget.base.arrays import Bools, Floats
 from robot_retarget.human.activity import Activity, ActivityRule, activity_of, is_flying, is_supported
 from robot_retarget.human.calibration import Calibration, calibrate
 from robot_retarget.human.contacts import contact_schedule, on_soles

@@ -7,7 +7,7 @@ makes the foot level in those frames.
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Bools, Floats, cross, lengths, unit
+from robot_retarget.base.arrays import Bools, Floats, cross, lengths, unit
 from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.rotations import ARBITRARY, UP, constant_between, own_rotation

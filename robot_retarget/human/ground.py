@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
 from robot_retarget.human.match import Match
 from robot_retarget.human.stance import StanceRule, lowest_over_time
 

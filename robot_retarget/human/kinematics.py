@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Floats, Ints
+from robot_retarget.base.arrays import Floats, Ints
 
 
 def forward(parents: Ints, translations: Floats, rotations: Floats) -> tuple[Floats, Floats]:

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, unit
-from robot_retarget.errors import SceneError, known
+from robot_retarget.base.arrays import Floats, unit
+from robot_retarget.base.errors import SceneError, known
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.human.surroundings import with_bodies

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints, frozen
-from robot_retarget.errors import MatchError, known
+from robot_retarget.base.arrays import Floats, Ints, frozen
+from robot_retarget.base.errors import MatchError, known
+from robot_retarget.base.keypoints import KEYPOINTS, parent_indices, parents_within
+from robot_retarget.base.untrusted.documents import read_toml
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.normalisation import path_weights
 from robot_retarget.human.recognition import Recognition, apply_override
-from robot_retarget.keypoints import KEYPOINTS, parent_indices, parents_within
 from robot_retarget.robot import Anatomy, Points, Robot, recognise_with, world_points
-from robot_retarget.untrusted.documents import read_toml
 
 TABLES = ("human", "robot")
 

@@ -9,7 +9,7 @@ D̄ is 1 on a bone and 1 elsewhere only for a stretched limb; contact is 0.
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
 
 NEAR = 0.35
 """Two points at this share of the path between them are half near [-]: hands in a clap are nearer, stretched limbs farther."""

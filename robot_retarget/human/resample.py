@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import UsageError
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import UsageError
 from robot_retarget.human.kinematics import backward, forward
 from robot_retarget.human.motion import Motion
 

@@ -3,14 +3,14 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Bools, Floats
+from robot_retarget.base.arrays import Bools, Floats
+from robot_retarget.base.keypoints import SIDES, parent_indices
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.recognition import Mark, Recognition
 from robot_retarget.human.rotations import TURNED_BY
 from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.human.stance import StanceRule, standing
 from robot_retarget.human.stature import leg_length
-from robot_retarget.keypoints import SIDES, parent_indices
 from robot_retarget.robot import Anatomy, Robot, recognise_with, world_points
 from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.robot.timing import require_same_robot

@@ -11,12 +11,12 @@ is levelled if its neck leans otherwise than the robot's.
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Bools, Floats, unit
+from robot_retarget.base.arrays import Bools, Floats, unit
+from robot_retarget.base.keypoints import ARM
 from robot_retarget.human.feet import foot_axes, foot_constants
 from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.rotations import ARBITRARY, UP, carrying_joint, constant_between, own_rotation
-from robot_retarget.keypoints import ARM
 from robot_retarget.robot.axes import BENT, snapped_to_axes
 from robot_retarget.robot.hands import hand_frames
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints, frozen, path_to_root
-from robot_retarget.errors import MotionError
+from robot_retarget.base.arrays import Floats, Ints, frozen, path_to_root
+from robot_retarget.base.errors import MotionError
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import median_filter, minimum_filter1d, uniform_filter1d
 
-from robot_retarget.arrays import Bools, Floats
+from robot_retarget.base.arrays import Bools, Floats
 
 WINDOW = 0.6
 """A body touches the floor at least once in twice this time, because no jump lasts longer [s]."""

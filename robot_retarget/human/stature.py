@@ -5,9 +5,9 @@ from math import fsum
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.keypoints import SIDES
 from robot_retarget.human.recognition.recognise import Recognition
-from robot_retarget.keypoints import SIDES
 
 LEG = 0.83
 """Hip to ankle of an adult of 1.70 m [m]."""

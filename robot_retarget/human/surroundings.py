@@ -6,8 +6,8 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import SceneError, known
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import SceneError, known
 from robot_retarget.human.motion import Motion
 from robot_retarget.scene.geoms import SceneModel
 from robot_retarget.scene.scene import RigidBody, Scene, composed, world_corners

@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, intervals
+from robot_retarget.base.arrays import Floats, intervals
 from robot_retarget.human.activity import ActivityRule, is_supported
 from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Bools, Floats, Ints, intervals, unit
+from robot_retarget.base.arrays import Bools, Floats, Ints, intervals, unit
 from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.skeleton import Skeleton

@@ -5,10 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.errors import MotionError
-from robot_retarget.files import replacing
-from robot_retarget.motion import Motion, Skeleton
-from robot_retarget.untrusted.fields import Field, read_fields
+from robot_retarget.base.errors import MotionError
+from robot_retarget.base.files import replacing
+from robot_retarget.base.untrusted.fields import Field, read_fields
+from robot_retarget.human.motion import Motion
+from robot_retarget.human.skeleton import Skeleton
 
 FARTHEST = 1000.0
 """A joint farther from the origin is a mistake [m]."""

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, frozen
+from robot_retarget.base.arrays import Floats, frozen
+from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.live.faults import Fault, RefusedError
-from robot_retarget.motion import Skeleton
 
 FARTHEST = 1000.0
 """Largest distance of a joint from the origin [m]: a room is smaller."""

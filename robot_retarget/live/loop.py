@@ -9,12 +9,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import MatchError
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import MatchError
+from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.live.faults import Fault
 from robot_retarget.live.frame import Frame
 from robot_retarget.live.receiver import FrameSource
-from robot_retarget.motion import Skeleton
 
 
 class LivePose(Protocol):

@@ -6,7 +6,9 @@ import socket
 from collections.abc import Callable
 from pathlib import Path
 
-from robot_retarget.errors import UsageError, install_line
+from robot_retarget.base.errors import UsageError, install_line
+from robot_retarget.human.read import read_motion
+from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.live.faults import FaultCounter
 from robot_retarget.live.headsets import HEADSETS, HeadsetSource
 from robot_retarget.live.ports import InputPort, StdinPort, TcpPort, UdpPort
@@ -14,7 +16,6 @@ from robot_retarget.live.protocols.floats import FloatDecoder
 from robot_retarget.live.protocols.lines import LineDecoder
 from robot_retarget.live.receiver import FrameSource, Receiver
 from robot_retarget.live.replay import Replay
-from robot_retarget.motion import Skeleton, read_motion
 from robot_retarget.scene import Scene
 
 RECEIVED = ("vmc", "json", "floats")

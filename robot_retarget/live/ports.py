@@ -8,7 +8,7 @@ import time
 from collections import deque
 from typing import NamedTuple, Protocol
 
-from robot_retarget.errors import UsageError
+from robot_retarget.base.errors import UsageError
 from robot_retarget.live.faults import Fault, FaultCounter
 
 NEWEST = 16_384

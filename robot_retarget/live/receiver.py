@@ -3,10 +3,10 @@
 import time
 from typing import Protocol
 
+from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.live.faults import Fault, FaultCounter, RefusedError
 from robot_retarget.live.frame import Frame
 from robot_retarget.live.ports import InputPort, Packet
-from robot_retarget.motion import Skeleton
 
 TAKEOVER = 1.0
 """Silence of a sender after which another one may take over [s]."""

@@ -3,10 +3,11 @@
 import time
 from math import floor
 
-from robot_retarget.errors import UsageError
+from robot_retarget.base.errors import UsageError
+from robot_retarget.human.motion import Motion
+from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.live.faults import FaultCounter
 from robot_retarget.live.frame import Frame
-from robot_retarget.motion import Motion, Skeleton
 
 
 class Replay:

@@ -12,13 +12,13 @@ from pythonosc.osc_bundle import OscBundle
 from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
 from pythonosc.osc_message_builder import OscMessageBuilder
 
-from robot_retarget.errors import UsageError, known
+from robot_retarget.base.errors import UsageError, known
+from robot_retarget.human.motion import Motion
 from robot_retarget.live.protocols.bones import unity_place, unity_turn
 from robot_retarget.live.protocols.floats import packed
 from robot_retarget.live.protocols.humanoid import humanoid
 from robot_retarget.live.protocols.lines import line_of, skeleton_line
 from robot_retarget.live.protocols.vmc import BONE, OK, PORT, ROOT, TIME
-from robot_retarget.motion import Motion
 
 Packets = Callable[[int, float], list[bytes]]
 """Returns the packets of a frame, given its number and time stamp [s]."""

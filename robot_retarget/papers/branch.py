@@ -12,8 +12,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_retarget.arrays import Floats, Ints
-from robot_retarget.errors import GraphError
+from robot_retarget.base.arrays import Floats, Ints
+from robot_retarget.base.errors import GraphError
 from robot_retarget.papers.points import PointGraph
 from robot_retarget.papers.spheres import intersect
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robot_retarget.arrays import Floats, Ints
-from robot_retarget.errors import GraphError, UsageError, known
+from robot_retarget.base.arrays import Floats, Ints
+from robot_retarget.base.errors import GraphError, UsageError, known
 from robot_retarget.graph.track import Track
 from robot_retarget.papers.edges import BONE, POSTURE, SEPARATION, SMOOTHNESS, PointKind, trace
 from robot_retarget.papers.evaluation import distances

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robot_retarget.arrays import frozen
-from robot_retarget.errors import UsageError
+from robot_retarget.base.arrays import frozen
+from robot_retarget.base.errors import UsageError
 from robot_retarget.graph.objective import Objective
 from robot_retarget.papers.newton import Newton
 from robot_retarget.papers.points import PointGraph

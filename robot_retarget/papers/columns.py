@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import GraphError
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import GraphError
 from robot_retarget.graph.objective import Objective, edge_terms
 from robot_retarget.graph.role import FRAME
 from robot_retarget.papers.evaluation import Intervals, intervals_of, lengths, value_and_gradient

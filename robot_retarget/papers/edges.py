@@ -7,7 +7,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_retarget.arrays import Floats, Ints
+from robot_retarget.base.arrays import Floats, Ints
 from robot_retarget.graph.kind import Kind
 from robot_retarget.graph.role import FRAME, SECOND_DIFFERENCE, STEP, Role
 from robot_retarget.graph.track import Track

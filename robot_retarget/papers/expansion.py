@@ -15,7 +15,7 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.kinds.own import OwnKind
 from robot_retarget.graph.objective import Objective

@@ -14,8 +14,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import GraphError
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import GraphError
 from robot_retarget.graph.interaction import Interaction, pair_interaction
 from robot_retarget.papers.spheres import intersect
 

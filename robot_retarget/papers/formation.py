@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robot_retarget.arrays import Floats, Ints, frozen
+from robot_retarget.base.arrays import Floats, Ints, frozen
 from robot_retarget.graph.objective import Objective
 from robot_retarget.papers.columns import Reduced, box_of
 from robot_retarget.papers.evaluation import intervals_of, operator

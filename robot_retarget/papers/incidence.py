@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints
+from robot_retarget.base.arrays import Floats, Ints
 from robot_retarget.graph.interaction import Interaction, steps_ahead
 from robot_retarget.papers.edges import Distance, Edges
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import GraphError
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import GraphError
 from robot_retarget.graph.objective import FLOOR, Objective
 from robot_retarget.graph.status import Status
 from robot_retarget.papers.columns import box_of

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_retarget.arrays import Floats, Ints
+from robot_retarget.base.arrays import Floats, Ints
 from robot_retarget.graph.objective import Objective, edge_terms
 from robot_retarget.graph.status import Status
 from robot_retarget.papers.columns import box_of

@@ -8,8 +8,8 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robot_retarget.arrays import Bools, Floats, frozen
-from robot_retarget.errors import GraphError, known
+from robot_retarget.base.arrays import Bools, Floats, frozen
+from robot_retarget.base.errors import GraphError, known
 from robot_retarget.graph.graph import Graph
 from robot_retarget.graph.interaction import Interaction
 from robot_retarget.graph.role import FRAME

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robot_retarget.arrays import Bools, Floats, Ints
-from robot_retarget.errors import GraphError, UsageError, known
+from robot_retarget.base.arrays import Bools, Floats, Ints
+from robot_retarget.base.errors import GraphError, UsageError, known
 from robot_retarget.graph.interaction import Interaction, interaction_distance
 from robot_retarget.graph.track import Track
 from robot_retarget.human.normalisation import NEAR, normalised_distances, path_priorities, path_weights

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robot_retarget.arrays import Floats, Ints
-from robot_retarget.errors import GraphError
+from robot_retarget.base.arrays import Floats, Ints
+from robot_retarget.base.errors import GraphError
 from robot_retarget.papers.points import PointGraph
 from robot_retarget.papers.skeletal import SkeletalStructure
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robot_retarget.arrays import Floats, Ints, frozen
-from robot_retarget.errors import GraphError
+from robot_retarget.base.arrays import Floats, Ints, frozen
+from robot_retarget.base.errors import GraphError
 from robot_retarget.papers.points import Animated
 
 

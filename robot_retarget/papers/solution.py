@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
 from robot_retarget.graph.graph import EdgeError
 from robot_retarget.graph.objective import Objective
 from robot_retarget.graph.status import Status

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robot_retarget.arrays import Floats, frozen
-from robot_retarget.errors import UsageError
+from robot_retarget.base.arrays import Floats, frozen
+from robot_retarget.base.errors import UsageError
 from robot_retarget.graph.objective import Objective
 from robot_retarget.papers.columns import Explicit, Reduced, blocks, box_of, by_frame, taken
 from robot_retarget.papers.evaluation import Intervals, intervals_of, lengths, operator

@@ -15,8 +15,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import UsageError
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import UsageError
 from robot_retarget.graph.status import Status
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
 
 
 def intersect(centres: Floats, radii: Floats, tolerance: float = 1e-9) -> Floats:

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import GraphError
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import GraphError
 from robot_retarget.graph.objective import Objective
 from robot_retarget.papers.columns import Lifted, Reduced
 from robot_retarget.papers.evaluation import intervals_of, operator

@@ -1,7 +1,7 @@
 """The robot side: an MJCF becomes a `Robot`, and a humanoid is found in it."""
 
-from robot_retarget.rendering import require_usable_gl
-from robot_retarget.versions import require_mujoco
+from robot_retarget.base.rendering import require_usable_gl
+from robot_retarget.base.versions import require_mujoco
 
 require_mujoco()
 require_usable_gl()

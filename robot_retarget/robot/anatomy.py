@@ -6,8 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints, frozen
-from robot_retarget.keypoints import KEYPOINTS
+from robot_retarget.base.arrays import Floats, Ints, frozen
+from robot_retarget.base.keypoints import KEYPOINTS
 from robot_retarget.robot.kinematics import Points, carrying
 from robot_retarget.robot.model import Robot
 

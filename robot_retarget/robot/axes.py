@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
 
 CUBE = Rotation.create_group("O")
 BENT = 0.2

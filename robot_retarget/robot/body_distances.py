@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints
-from robot_retarget.errors import SceneError
+from robot_retarget.base.arrays import Floats, Ints
+from robot_retarget.base.errors import SceneError
 from robot_retarget.robot.geoms import solid_geoms
 from robot_retarget.robot.model import Robot
 from robot_retarget.scene.geoms import PREFIX, add_bodies, moving_bodies, place_bodies

@@ -11,7 +11,7 @@ import itertools
 import mujoco
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints
+from robot_retarget.base.arrays import Floats, Ints
 from robot_retarget.robot.placed import NOWHERE, GeomDistances, Placed
 
 TOUCHING = 1e-9

@@ -6,8 +6,11 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.actuators.map import load_map
-from robot_retarget.errors import MatchError, RobotError, known
-from robot_retarget.keypoints import ARM
+from robot_retarget.base.errors import MatchError, RobotError, known
+from robot_retarget.base.keypoints import ARM
+from robot_retarget.base.shipped import MODELS
+from robot_retarget.base.untrusted.documents import read_toml
+from robot_retarget.base.untrusted.limits import one_line
 from robot_retarget.robot.anatomy import Anatomy
 from robot_retarget.robot.compile import compiled
 from robot_retarget.robot.limbs import ARM_WORDS, words
@@ -25,9 +28,6 @@ from robot_retarget.robot.source import (
     urdf_notes,
     urdf_speeds,
 )
-from robot_retarget.shipped import MODELS
-from robot_retarget.untrusted.documents import read_toml
-from robot_retarget.untrusted.limits import one_line
 
 Limits = dict[str, dict[str, Any]]
 LARGEST_ANGLE = 2 * np.pi

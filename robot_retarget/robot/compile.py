@@ -7,8 +7,8 @@ from pathlib import Path
 
 import mujoco
 
-from robot_retarget.cache import cache_folder, drop_oldest, is_sound, keeping, private_cache
-from robot_retarget.errors import OutputError
+from robot_retarget.base.cache import cache_folder, drop_oldest, is_sound, keeping, private_cache
+from robot_retarget.base.errors import OutputError
 from robot_retarget.robot import source
 
 LEAST = 5e6

@@ -6,7 +6,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints
+from robot_retarget.base.arrays import Floats, Ints
 from robot_retarget.robot.model import Robot
 
 

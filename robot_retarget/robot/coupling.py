@@ -9,7 +9,7 @@ import copy
 import mujoco
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
 from robot_retarget.robot.links import RANK
 from robot_retarget.robot.model import Robot
 

@@ -4,7 +4,7 @@ from functools import cached_property
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints
+from robot_retarget.base.arrays import Floats, Ints
 from robot_retarget.robot.geoms import allowed
 from robot_retarget.robot.kinematics import BLOCK
 from robot_retarget.robot.model import FREE, Robot

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from robot_retarget.arrays import Bools, Floats, Ints, cross, unit
+from robot_retarget.base.arrays import Bools, Floats, Ints, cross, unit
 from robot_retarget.robot.feet import CORNERS
 from robot_retarget.robot.kinematics import Points
 from robot_retarget.robot.model import Robot

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.arrays import ALIGNED, Floats
-from robot_retarget.errors import MatchError
+from robot_retarget.base.arrays import ALIGNED, Floats
+from robot_retarget.base.errors import MatchError
 from robot_retarget.robot.axes import BENT
 from robot_retarget.robot.limbs import (
     LEFT_WORDS,

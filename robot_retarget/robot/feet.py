@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robot_retarget.errors import MatchError
+from robot_retarget.base.errors import MatchError
 from robot_retarget.robot.anatomy import Anatomy
 from robot_retarget.robot.kinematics import Points
 from robot_retarget.robot.model import Robot

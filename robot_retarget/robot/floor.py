@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from robot_retarget.arrays import Floats, Ints
+from robot_retarget.base.arrays import Floats, Ints
 from robot_retarget.robot.geoms import solid_geoms
 from robot_retarget.robot.links import local_points
 from robot_retarget.robot.model import Robot

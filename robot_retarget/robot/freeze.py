@@ -6,7 +6,7 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 
-from robot_retarget.errors import TrajectoryError, UsageError, known
+from robot_retarget.base.errors import TrajectoryError, UsageError, known
 from robot_retarget.robot.anatomy import limb_hinges
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.recognise import recognise

@@ -7,7 +7,7 @@ of a robot whose wrist hinges are at zero.
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, unit
+from robot_retarget.base.arrays import Floats, unit
 from robot_retarget.robot.axes import BENT, snapped_to_axes
 from robot_retarget.robot.links import Links
 

@@ -13,7 +13,7 @@ import casadi as ca
 import mujoco
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints, frozen
+from robot_retarget.base.arrays import Floats, Ints, frozen
 from robot_retarget.robot.model import FREE, HINGE, Robot
 
 MANY = 24

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.arrays import ALIGNED, Floats
+from robot_retarget.base.arrays import ALIGNED, Floats
 from robot_retarget.robot.anatomy import GUESSED, LIKELY, SURE
 from robot_retarget.robot.links import Axis, Links, meeting_point
 

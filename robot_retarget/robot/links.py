@@ -11,7 +11,7 @@ from math import fsum
 import mujoco
 import numpy as np
 
-from robot_retarget.arrays import ALIGNED, Floats, Ints, path_to_root
+from robot_retarget.base.arrays import ALIGNED, Floats, Ints, path_to_root
 from robot_retarget.robot.model import Robot
 
 RANK = 1e-6

@@ -6,7 +6,7 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from robot_retarget.arrays import ALIGNED, Floats, Ints
+from robot_retarget.base.arrays import ALIGNED, Floats, Ints
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.symmetrize import SLIGHT
 

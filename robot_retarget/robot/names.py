@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from robot_retarget.errors import RobotError, did_you_mean, install_line, known
+from robot_retarget.base.errors import RobotError, did_you_mean, install_line, known
 
 KINDS = {"_mj_description": "MJCF_PATH", "_description": "URDF_PATH"}
 """How the package ends the names of its modules, and where each says its file is; MJCF goes first."""

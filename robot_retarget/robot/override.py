@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, unit
-from robot_retarget.errors import MatchError, known
-from robot_retarget.keypoints import KEYPOINTS, SIDES
+from robot_retarget.base.arrays import Floats, unit
+from robot_retarget.base.errors import MatchError, known
+from robot_retarget.base.keypoints import KEYPOINTS, SIDES
 from robot_retarget.robot.anatomy import Anatomy, KeypointSite
 from robot_retarget.robot.facing import Facing
 from robot_retarget.robot.links import Links

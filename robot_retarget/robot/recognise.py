@@ -9,9 +9,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, frozen
-from robot_retarget.errors import MatchError
-from robot_retarget.keypoints import ARM
+from robot_retarget.base.arrays import Floats, frozen
+from robot_retarget.base.errors import MatchError
+from robot_retarget.base.keypoints import ARM
 from robot_retarget.robot.anatomy import GUESSED, LIKELY, SURE, UNSURE, Anatomy, KeypointSite
 from robot_retarget.robot.facing import Facing, facing
 from robot_retarget.robot.hands import hand_axes

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
 from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.robot.kinematics import body_frames, integrate
 from robot_retarget.robot.model import SLIDE, Robot

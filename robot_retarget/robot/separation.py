@@ -14,7 +14,7 @@ from weakref import WeakKeyDictionary
 import mujoco
 import numpy as np
 
-from robot_retarget.arrays import Bools, Floats, Ints
+from robot_retarget.base.arrays import Bools, Floats, Ints
 from robot_retarget.robot.boxes import Boxes
 from robot_retarget.robot.floor import Floor
 from robot_retarget.robot.geoms import allowed, touchable

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from robot_retarget.actuators.map import ServoMap
-from robot_retarget.errors import RobotError, known
+from robot_retarget.base.errors import RobotError, known
 from robot_retarget.robot.model import Robot
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import ALIGNED, Floats, unit
+from robot_retarget.base.arrays import ALIGNED, Floats, unit
 from robot_retarget.robot.kinematics import Points
 from robot_retarget.robot.limbs import sole_cloud
 from robot_retarget.robot.links import Links

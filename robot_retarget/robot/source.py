@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.errors import RobotError
+from robot_retarget.base.errors import RobotError
 
 Quaternion = tuple[float, float, float, float]
 """w x y z."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import QhullError
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
 from robot_retarget.robot.dynamics import momenta, tread
 from robot_retarget.robot.feet import Feet, feet_of
 from robot_retarget.robot.kinematics import world_points

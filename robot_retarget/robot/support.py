@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from robot_retarget.arrays import Floats, cross, unit
+from robot_retarget.base.arrays import Floats, cross, unit
 
 UP = (0.0, 0.0, 1.0)
 

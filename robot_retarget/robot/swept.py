@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints
+from robot_retarget.base.arrays import Floats, Ints
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
 

@@ -9,8 +9,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
-from robot_retarget.keypoints import mirrored
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.keypoints import mirrored
 
 SLIGHT = 0.02
 """Sides that differ by less than this share of the body, or of the foot, are symmetrized, and hinges whose mirrored lines

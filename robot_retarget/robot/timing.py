@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import TrajectoryError, UsageError
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.robot.model import FREE, Robot
 from robot_retarget.trajectory import Trajectory
 

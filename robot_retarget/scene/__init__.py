@@ -3,8 +3,8 @@
 `read` reads files to a `Scene`, `Motion.with_scene` brings it to the frames of a motion, `geoms` gives it to MuJoCo.
 """
 
-from robot_retarget.rendering import require_usable_gl
-from robot_retarget.versions import require_mujoco
+from robot_retarget.base.rendering import require_usable_gl
+from robot_retarget.base.versions import require_mujoco
 
 require_mujoco()
 require_usable_gl()

@@ -5,8 +5,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints
-from robot_retarget.errors import SceneError
+from robot_retarget.base.arrays import Floats, Ints
+from robot_retarget.base.errors import SceneError
 from robot_retarget.scene.scene import RigidBody, Scene
 from robot_retarget.scene.shape import BodyShape, ShapeKind, mesh
 

@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import SceneError
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import SceneError
+from robot_retarget.base.untrusted.fields import Field
 from robot_retarget.scene.scene import RigidBody, Scene
 from robot_retarget.scene.shape import BodyShape, ShapeKind
-from robot_retarget.untrusted.fields import Field
 
 FIELDS = {
     "scene_names": Field("text", ("B",), required=False),

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from robot_retarget.errors import SceneError, known
+from robot_retarget.base.errors import SceneError, known
 from robot_retarget.scene.formats import mjcf, toml_scene
 from robot_retarget.scene.scene import Scene
 

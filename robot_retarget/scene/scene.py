@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from robot_retarget.arrays import Floats, frozen
-from robot_retarget.errors import SceneError
+from robot_retarget.base.arrays import Floats, frozen
+from robot_retarget.base.errors import SceneError
 from robot_retarget.scene.shape import BodyShape
 
 IDENTITY = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)

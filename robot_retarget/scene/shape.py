@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from robot_retarget.arrays import Floats, Ints, frozen
-from robot_retarget.errors import SceneError
+from robot_retarget.base.arrays import Floats, Ints, frozen
+from robot_retarget.base.errors import SceneError
 
 
 class ShapeKind(StrEnum):

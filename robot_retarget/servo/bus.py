@@ -22,7 +22,7 @@ import serial
 from dynamixel_sdk import PortHandler
 
 from robot_retarget.actuators.control_tables import Register
-from robot_retarget.errors import ServoError
+from robot_retarget.base.errors import ServoError
 from robot_retarget.servo import protocol
 from robot_retarget.servo.protocol import ALERT, BROADCAST, HEADER, LAST_ID, DynamixelPacket, Error, Instruction, Parser
 

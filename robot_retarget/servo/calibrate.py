@@ -4,7 +4,7 @@ from collections.abc import Collection
 from dataclasses import replace
 
 from robot_retarget.actuators.map import ServoMap
-from robot_retarget.errors import ServoError
+from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.bus import Bus
 
 

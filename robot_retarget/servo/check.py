@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from robot_retarget.actuators.control_tables import HARDWARE_ERRORS, model_numbered
 from robot_retarget.actuators.map import Servo, ServoMap
-from robot_retarget.errors import ServoError
+from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.bus import Bus, NoAnswerError, StatusError
 
 TABLE_SPAN = 147

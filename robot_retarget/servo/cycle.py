@@ -4,7 +4,7 @@ import time
 from math import ceil
 from typing import Any, NamedTuple
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
 from robot_retarget.servo.guard import Guard
 from robot_retarget.servo.judge import Judge
 from robot_retarget.servo.link import Link, ServoGoals

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from robot_retarget.actuators.map import ServoMap, dump_map
-from robot_retarget.errors import ServoError
+from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.outcome import PlaybackOptions, PlaybackOutcome
 from robot_retarget.servo.plan import goal_plan, plain_plan
 from robot_retarget.servo.play import play

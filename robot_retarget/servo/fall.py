@@ -5,10 +5,10 @@ from collections.abc import Callable
 import numpy as np
 
 from robot_retarget.actuators.balance_tables import Balance, Imu
-from robot_retarget.arrays import Floats
-from robot_retarget.feedback.fusion import Fusion
-from robot_retarget.feedback.monitor import Monitor, rest_faults
-from robot_retarget.feedback.reading import Reading
+from robot_retarget.actuators.feedback.fusion import Fusion
+from robot_retarget.actuators.feedback.monitor import Monitor, rest_faults
+from robot_retarget.actuators.feedback.reading import Reading
+from robot_retarget.base.arrays import Floats
 from robot_retarget.servo.outcome import FaultError
 from robot_retarget.servo.plan import ServoPlan
 from robot_retarget.servo.sensor import Sensor

@@ -7,9 +7,9 @@ from typing import Any
 
 from robot_retarget.actuators.control_tables import CENTRE, MODELS
 from robot_retarget.actuators.map import TICKS_PER_RADIAN, Servo, ServoMap
-from robot_retarget.errors import ServoError, known
-from robot_retarget.untrusted.documents import parse_json, read_text
-from robot_retarget.untrusted.limits import BROKEN
+from robot_retarget.base.errors import ServoError, known
+from robot_retarget.base.untrusted.documents import parse_json, read_text
+from robot_retarget.base.untrusted.limits import BROKEN
 
 TODDLERBOT = {
     "XM430": "XM430-W210",

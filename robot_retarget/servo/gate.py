@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_retarget.actuators.map import TICKS_PER_RADIAN, ServoMap
-from robot_retarget.arrays import Ints
+from robot_retarget.base.arrays import Ints
 from robot_retarget.servo.outcome import FaultError
 from robot_retarget.servo.scale import JointScale
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_retarget.actuators.map import Limits
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
 from robot_retarget.servo.scale import JointScale
 
 

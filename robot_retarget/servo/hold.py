@@ -4,7 +4,7 @@ from contextlib import suppress
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
 from robot_retarget.servo.bus import NoAnswerError, StatusError
 from robot_retarget.servo.guard import Guard
 from robot_retarget.servo.judge import Judge

@@ -4,7 +4,7 @@ import numpy as np
 
 from robot_retarget.actuators.control_tables import XM430_W350
 from robot_retarget.actuators.map import Limits
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
 from robot_retarget.servo.check import hardware_errors
 from robot_retarget.servo.link import Link
 from robot_retarget.servo.outcome import FaultError, HeatError

@@ -8,7 +8,7 @@ import numpy as np
 
 from robot_retarget.actuators.control_tables import VELOCITY_UNIT, WATCHDOG_UNIT, XM430_W350
 from robot_retarget.actuators.map import ServoMap
-from robot_retarget.arrays import Bools, Floats, Ints
+from robot_retarget.base.arrays import Bools, Floats, Ints
 from robot_retarget.servo import protocol
 from robot_retarget.servo.bus import PATIENCE, Bus
 from robot_retarget.servo.check import Condition

@@ -6,7 +6,7 @@ from math import inf
 from typing import Any
 
 from robot_retarget.actuators.bounds import require_bounds, within
-from robot_retarget.goals import TRACKING_RMS
+from robot_retarget.actuators.goals import TRACKING_RMS
 
 
 class FaultError(Exception):

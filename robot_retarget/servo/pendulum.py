@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from robot_retarget.actuators.balance_tables import STANDARD_GRAVITY
-from robot_retarget.errors import ServoError
+from robot_retarget.base.errors import ServoError
 
 
 @dataclass(frozen=True)

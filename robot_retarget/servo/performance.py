@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from robot_retarget.actuators.map import ServoMap
-from robot_retarget.errors import ServoError
+from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.bus import Bus, NoAnswerError, PortLostError, StatusError, slow_adapter
 from robot_retarget.servo.check import require_fit
 from robot_retarget.servo.clock import real_time, wait_until, without_sleep_states

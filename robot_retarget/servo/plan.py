@@ -4,13 +4,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from robot_retarget.actuators.feedback.law import Feedback
+from robot_retarget.actuators.feedback.reading import vertical_in
+from robot_retarget.actuators.goals import RATE
 from robot_retarget.actuators.map import Limits, ServoMap
-from robot_retarget.arrays import Floats, frozen
-from robot_retarget.errors import ServoError
-from robot_retarget.feedback.law import Feedback
-from robot_retarget.feedback.reading import vertical_in
-from robot_retarget.goals import RATE
-from robot_retarget.ramps import JERK_PEAK, minimum_jerk
+from robot_retarget.base.arrays import Floats, frozen
+from robot_retarget.base.errors import ServoError
+from robot_retarget.base.ramps import JERK_PEAK, minimum_jerk
 from robot_retarget.trajectory import FREE_ROOT, Trajectory
 
 SEAM = 0.1

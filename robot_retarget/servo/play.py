@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.actuators.balance_tables import Balance
+from robot_retarget.actuators.feedback.lean import LEAN, LeanTest
 from robot_retarget.actuators.map import ServoMap
-from robot_retarget.errors import ServoError
-from robot_retarget.feedback.lean import LEAN, LeanTest
+from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.check import require_fit
 from robot_retarget.servo.cycle import Cycle, Step

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.errors import ServoError, known
+from robot_retarget.base.errors import ServoError, known
+from robot_retarget.base.untrusted.documents import read_toml
 from robot_retarget.servo.plan import SEAM, ServoPlan
-from robot_retarget.untrusted.documents import read_toml
 
 LONGEST = 3600.0
 """A longer pause, or more repetitions, is a mistake [s] or [-]."""

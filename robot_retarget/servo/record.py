@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
-from robot_retarget.files import replacing
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.files import replacing
 
 COLUMNS = ("goal", "plan", "motion", "present", "velocity", "current", "age", "error")
 PHASES = ("approach", "play", "end", "hold", "lean")

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_retarget.actuators.map import TICKS_PER_RADIAN, ServoMap
-from robot_retarget.arrays import Floats, Ints
+from robot_retarget.base.arrays import Floats, Ints
 from robot_retarget.servo.outcome import FaultError
 
 

@@ -8,11 +8,11 @@ import mujoco
 import numpy as np
 
 from robot_retarget.actuators.balance_tables import Imu
+from robot_retarget.actuators.feedback.reading import LEVEL, Reading
+from robot_retarget.actuators.feedback.sensor import BodyMotion, VirtualImu
+from robot_retarget.actuators.goals import RATE
 from robot_retarget.actuators.map import TICKS_PER_RADIAN, ServoMap
-from robot_retarget.errors import ServoError, known
-from robot_retarget.feedback.reading import LEVEL, Reading
-from robot_retarget.feedback.sensor import BodyMotion, VirtualImu
-from robot_retarget.goals import RATE
+from robot_retarget.base.errors import ServoError, known
 from robot_retarget.servo.window import ViewerWindow
 
 SUPPORT = 0.3

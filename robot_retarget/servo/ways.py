@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from robot_retarget.actuators.map import ServoMap
-from robot_retarget.errors import ServoError
+from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.judgement import require_judged
 from robot_retarget.servo.plan import ServoPlan, goal_plan
 from robot_retarget.trajectory import load_trajectory

@@ -6,7 +6,7 @@ import warnings
 
 import mujoco
 
-from robot_retarget.errors import ServoError
+from robot_retarget.base.errors import ServoError
 
 PERIOD = 1 / 60
 """Of the twin's time between two pictures [s]."""

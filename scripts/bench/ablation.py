@@ -12,10 +12,10 @@ from pathlib import Path
 from retarget_figures import Figures, figures, mean
 
 import robot_retarget as rr
+from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.graph.weights import Weights
-from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.options import Search, Smoothing, SolveOptions
-from robot_retarget.solve.solve import solve_graph
+from robot_retarget.solver.options import Search, Smoothing, SolveOptions
+from robot_retarget.solver.solve import solve_graph
 
 
 @dataclass(frozen=True)

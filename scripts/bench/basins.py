@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 
 import robot_retarget as rr
-from robot_retarget.arrays import Floats
-from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.options import Search
-from robot_retarget.solve.problem import targets_of
-from robot_retarget.solve.solve import problem_of, solve_graph
-from robot_retarget.solve.sqp import FrameSolver
-from robot_retarget.solve.starts import multistart
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.solver.options import Search
+from robot_retarget.solver.problem import targets_of
+from robot_retarget.solver.solve import problem_of, solve_graph
+from robot_retarget.solver.sqp import FrameSolver
+from robot_retarget.solver.starts import multistart
 
 STARTS = 12
 """Per frame: the reference and the standing pose, the others drawn."""

@@ -15,11 +15,11 @@ import numpy as np
 from retarget_figures import Figures, figures, mean
 
 import robot_retarget as rr
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.collision.warn import warnings_of
 from robot_retarget.graph.weights import Weights
 from robot_retarget.robot.distances import LinkDistances
-from robot_retarget.shipped import SAMPLES
 
 APART = 0.003
 """[m]."""

@@ -21,7 +21,7 @@ import time
 from pathlib import Path
 
 import robot_retarget as rr
-from robot_retarget.batch.manifest import INDEX, NAME
+from robot_retarget.tools.batch.manifest import INDEX, NAME
 
 AMASS = 4.3e6
 """Frames of AMASS at 30 frames/s."""

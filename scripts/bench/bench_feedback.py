@@ -25,23 +25,23 @@ from pushes import DIRECTIONS, pushed, standing, survived_impulses, worlds_at_pu
 
 import robot_retarget as rr
 from robot_retarget.actuators.balance_tables import STANDARD_GRAVITY, Balance, Imu
+from robot_retarget.actuators.feedback.fusion import Fusion
+from robot_retarget.actuators.feedback.reading import Reading
+from robot_retarget.actuators.feedback.sensor import VirtualImu, calibrated
+from robot_retarget.actuators.goals import RATE, Goals
 from robot_retarget.actuators.map import ServoMap
-from robot_retarget.arrays import Bools, Floats
-from robot_retarget.errors import ServoError
-from robot_retarget.feedback.fusion import Fusion
-from robot_retarget.feedback.reading import Reading
-from robot_retarget.feedback.sensor import VirtualImu, calibrated
-from robot_retarget.goals import RATE, Goals
+from robot_retarget.base.arrays import Bools, Floats
+from robot_retarget.base.errors import ServoError
+from robot_retarget.judge.compensate import compensated
+from robot_retarget.judge.domain import Spread, draws
+from robot_retarget.judge.feedback import with_feedback
+from robot_retarget.judge.figures import fall_figures
+from robot_retarget.judge.plant import Plant
+from robot_retarget.judge.rollout import plant_of, rollouts
 from robot_retarget.servo.emulated import emulator_process
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions
 from robot_retarget.servo.plan import goal_plan
 from robot_retarget.servo.play import play
-from robot_retarget.simulate.compensate import compensated
-from robot_retarget.simulate.domain import Spread, draws
-from robot_retarget.simulate.feedback import with_feedback
-from robot_retarget.simulate.figures import fall_figures
-from robot_retarget.simulate.plant import Plant
-from robot_retarget.simulate.rollout import plant_of, rollouts
 from robot_retarget.trajectory import Trajectory, load_trajectory
 
 HARD = Spread(

@@ -17,8 +17,9 @@ from pathlib import Path
 import numpy as np
 
 import robot_retarget as rr
+from robot_retarget.actuators.goals import RATE
 from robot_retarget.actuators.map import load_map
-from robot_retarget.goals import RATE
+from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.live.faults import FaultCounter
 from robot_retarget.live.loop import LivePose, Loop
 from robot_retarget.live.ports import UdpPort
@@ -27,7 +28,6 @@ from robot_retarget.live.receiver import Receiver
 from robot_retarget.live.send import send
 from robot_retarget.live.sinks.servos import ServoSink, run_servos
 from robot_retarget.servo.emulated import emulator_process
-from robot_retarget.shipped import SAMPLES
 
 HOST = "127.0.0.1"
 WARM = 3.0

@@ -23,8 +23,8 @@ import numpy as np
 import robot_retarget as rr
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.placed_scene import placed_scene
-from robot_retarget.pipeline import Result
-from robot_retarget.solve.solve import trajectory_of
+from robot_retarget.solver.pipeline import Result
+from robot_retarget.solver.solve import trajectory_of
 
 TOUCH = (-0.0011, 0.02)
 SLIP = (np.sqrt(2) + 0.1) * 1e-3

@@ -15,13 +15,13 @@ import mujoco
 import numpy as np
 
 import robot_retarget as rr
-from robot_retarget.shipped import SAMPLES
-from robot_retarget.simulate.compensate import compensated
-from robot_retarget.simulate.domain import draws
-from robot_retarget.simulate.goals import plain_goals
-from robot_retarget.simulate.plant import Mode, Plant
-from robot_retarget.simulate.rollout import plant_of, rollouts
-from robot_retarget.simulate.stepping import roll_out
+from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.judge.compensate import compensated
+from robot_retarget.judge.domain import draws
+from robot_retarget.judge.goals import plain_goals
+from robot_retarget.judge.plant import Mode, Plant
+from robot_retarget.judge.rollout import plant_of, rollouts
+from robot_retarget.judge.stepping import roll_out
 from robot_retarget.trajectory import Trajectory
 
 MODES: tuple[Mode, ...] = ("pinned", "free")

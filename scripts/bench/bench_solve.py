@@ -20,24 +20,24 @@ import numpy as np
 from retarget_figures import figures
 
 import robot_retarget as rr
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.graph.describe import MOST_FPS, RobotGraph, describe
 from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.separation import Separation
-from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve import causal as causal_module
-from robot_retarget.solve import clip as clip_module
-from robot_retarget.solve import passes as passes_module
-from robot_retarget.solve import quadratic as quadratic_module
-from robot_retarget.solve import sqp as sqp_module
-from robot_retarget.solve.candidates import coarse_path
-from robot_retarget.solve.compiled import Mapped, QuadraticPrograms
-from robot_retarget.solve.options import Smoothing
-from robot_retarget.solve.problem import Problem, build_problem
-from robot_retarget.solve.quadratic import CostModel
-from robot_retarget.solve.solve import solve_graph
-from robot_retarget.solve.sqp import FrameSolver
-from robot_retarget.solve.starts import place_root
+from robot_retarget.solver import causal as causal_module
+from robot_retarget.solver import clip as clip_module
+from robot_retarget.solver import passes as passes_module
+from robot_retarget.solver import quadratic as quadratic_module
+from robot_retarget.solver import sqp as sqp_module
+from robot_retarget.solver.candidates import coarse_path
+from robot_retarget.solver.compiled import Mapped, QuadraticPrograms
+from robot_retarget.solver.options import Smoothing
+from robot_retarget.solver.problem import Problem, build_problem
+from robot_retarget.solver.quadratic import CostModel
+from robot_retarget.solver.solve import solve_graph
+from robot_retarget.solver.sqp import FrameSolver
+from robot_retarget.solver.starts import place_root
 
 SHARED = Path(__file__).resolve().parents[3] / "shared"
 G1 = SHARED / "robots/unitree_g1/unitree_g1.xml"

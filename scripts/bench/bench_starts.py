@@ -14,10 +14,10 @@ from unittest.mock import patch
 import numpy as np
 
 import robot_retarget as rr
-from robot_retarget.arrays import Floats
-from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve import clip as clip_module
-from robot_retarget.solve.solve import solve_graph
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.solver import clip as clip_module
+from robot_retarget.solver.solve import solve_graph
 
 ROUNDING = 1.005
 """Costs that differ by less are equal [-]: passes end when steps gain little."""

@@ -17,15 +17,15 @@ from bench_solve import G1, PEER, WALK, clocked, has_mink, inverse_kinematics, p
 from retarget_figures import figures
 
 import robot_retarget as rr
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.graph.causal.targets import CausalTargets
 from robot_retarget.graph.describe import at_rate
 from robot_retarget.human.causal import CausalFeatures
-from robot_retarget.motion import Motion
+from robot_retarget.human.motion import Motion
 from robot_retarget.robot import Robot
-from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.live.stream import Stream
-from robot_retarget.solve.sqp import FrameSolver
+from robot_retarget.solver.live.stream import Stream
+from robot_retarget.solver.sqp import FrameSolver
 
 RATES = (30.0, 60.0, 120.0)
 PARTS = {

@@ -17,16 +17,16 @@ import numpy as np
 
 import robot_retarget as rr
 from robot_retarget.actuators.map import load_map
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.judge.compensate import compensated
+from robot_retarget.judge.figures import at_frames
+from robot_retarget.judge.goals import plain_goals
+from robot_retarget.judge.plant import Mode
+from robot_retarget.judge.rollout import plant_of
+from robot_retarget.judge.stepping import roll_out
 from robot_retarget.robot.timing import sample_hinges
 from robot_retarget.servo.emulated import play_emulated
-from robot_retarget.shipped import SAMPLES
-from robot_retarget.simulate.compensate import compensated
-from robot_retarget.simulate.figures import at_frames
-from robot_retarget.simulate.goals import plain_goals
-from robot_retarget.simulate.plant import Mode
-from robot_retarget.simulate.rollout import plant_of
-from robot_retarget.simulate.stepping import roll_out
 from robot_retarget.trajectory import Trajectory
 
 

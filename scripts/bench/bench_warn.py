@@ -17,10 +17,10 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import maximum_filter1d
 
 import robot_retarget as rr
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.collision.warn import Warner, WarnOptions, warnings_of
 from robot_retarget.robot.distances import LinkDistances
-from robot_retarget.shipped import SAMPLES
 from robot_retarget.trajectory import Trajectory
 
 NEAR_MISS = 0.01

@@ -13,16 +13,16 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import RobotRetargetError
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import RobotRetargetError
+from robot_retarget.base.keypoints import KEYPOINTS, mirrored
+from robot_retarget.human.capture import Capture
+from robot_retarget.human.motion import Motion
+from robot_retarget.human.readers.request import Request
+from robot_retarget.human.readers.table import format_of
 from robot_retarget.human.recognition import Recognition, recognise
 from robot_retarget.human.stature import leg_length
-from robot_retarget.keypoints import KEYPOINTS, mirrored
-from robot_retarget.motion import Motion
-from robot_retarget.motion.capture import Capture
-from robot_retarget.motion.formats.request import Request
-from robot_retarget.motion.formats.table import format_of
-from robot_retarget.motion.upright import turn_to_z, upright
+from robot_retarget.human.upright import turn_to_z, upright
 
 KEPT, SAID, SILENT = "kept", "said", "silent"
 LENGTHS = (0.0, 0.5, 1.0, 2.0)

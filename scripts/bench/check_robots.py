@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 from robot_variants import LAWS, Case, Variant
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import RobotRetargetError
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import RobotRetargetError
 from robot_retarget.robot import Anatomy, Robot, load_robot, recognise, world_points
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "robots"

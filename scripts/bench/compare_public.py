@@ -17,8 +17,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import robot_retarget as rr
-from robot_retarget.arrays import Bools, Floats
-from robot_retarget.motion import Motion
+from robot_retarget.base.arrays import Bools, Floats
+from robot_retarget.human.motion import Motion
 
 HUMAN = {
     "root": "Hips",

@@ -22,18 +22,18 @@ from scipy.optimize import differential_evolution
 import robot_retarget as rr
 from robot_retarget.actuators.balance_tables import Balance, JointGain
 from robot_retarget.actuators.map import dump_map
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
+from robot_retarget.judge.compensate import compensated
+from robot_retarget.judge.domain import Draw, Spread, draws
+from robot_retarget.judge.feedback import with_feedback
+from robot_retarget.judge.feedback_figures import oscillation
+from robot_retarget.judge.goals import Playback
+from robot_retarget.judge.plant import Plant
+from robot_retarget.judge.rollout import plant_of
+from robot_retarget.judge.stepping import roll_out
 from robot_retarget.robot import Robot
 from robot_retarget.robot.feet import feet_of
 from robot_retarget.robot.mirror import mirror_of
-from robot_retarget.simulate.compensate import compensated
-from robot_retarget.simulate.domain import Draw, Spread, draws
-from robot_retarget.simulate.feedback import with_feedback
-from robot_retarget.simulate.feedback_figures import oscillation
-from robot_retarget.simulate.goals import Playback
-from robot_retarget.simulate.plant import Plant
-from robot_retarget.simulate.rollout import plant_of
-from robot_retarget.simulate.stepping import roll_out
 from robot_retarget.trajectory import Trajectory, load_trajectory
 
 AIM = 1.5

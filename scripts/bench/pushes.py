@@ -11,15 +11,15 @@ from itertools import count, islice
 import mujoco
 import numpy as np
 
-from robot_retarget.arrays import Floats
-from robot_retarget.goals import Goals
+from robot_retarget.actuators.goals import Goals
+from robot_retarget.base.arrays import Floats
+from robot_retarget.judge.compensate import compensated
+from robot_retarget.judge.domain import Draw, drawn
+from robot_retarget.judge.feedback import ClosedLoop, closed_loop, with_feedback
+from robot_retarget.judge.goals import Playback
+from robot_retarget.judge.plant import Plant
+from robot_retarget.judge.played import PlayedPlant
 from robot_retarget.robot.feet import feet_of
-from robot_retarget.simulate.compensate import compensated
-from robot_retarget.simulate.domain import Draw, drawn
-from robot_retarget.simulate.feedback import ClosedLoop, closed_loop, with_feedback
-from robot_retarget.simulate.goals import Playback
-from robot_retarget.simulate.plant import Plant
-from robot_retarget.simulate.played import PlayedPlant
 from robot_retarget.trajectory import Trajectory
 
 DIRECTIONS = {"fore": (1.0, 0.0, 0.0), "aft": (-1.0, 0.0, 0.0), "left": (0.0, 1.0, 0.0), "right": (0.0, -1.0, 0.0)}

@@ -14,14 +14,14 @@ from unittest.mock import patch
 import numpy as np
 
 import robot_retarget as rr
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.graph.describe import RobotGraph
-from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve import passes
-from robot_retarget.solve.options import Smoothing
-from robot_retarget.solve.problem import targets_of
-from robot_retarget.solve.solve import problem_of, solve_graph
-from robot_retarget.solve.sqp import FrameSolver
+from robot_retarget.solver import passes
+from robot_retarget.solver.options import Smoothing
+from robot_retarget.solver.problem import targets_of
+from robot_retarget.solver.solve import problem_of, solve_graph
+from robot_retarget.solver.sqp import FrameSolver
 
 PLAIN, NO_LOOKS = Smoothing(), Smoothing(collision_check=-1)
 AGAIN = (passes, "_separated", lambda clip, poses, proximal: _moved_back(clip.solver, poses))

@@ -1,16 +1,16 @@
-"""Figures of a retargeted trajectory against the human motion it came from, for the measuring scripts: those of `robot_retarget.score`."""
+"""Figures of a retargeted trajectory against the human motion it came from, for the measuring scripts: those of `robot_retarget.scores`."""
 
 from dataclasses import dataclass, fields
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot, world_points
-from robot_retarget.score import distances, feet, joints, limbs
-from robot_retarget.score.pair import Pair
-from robot_retarget.score.soles import soles_of
-from robot_retarget.score.subject import Subject
+from robot_retarget.scores import distances, feet, joints, limbs
+from robot_retarget.scores.pair import Pair
+from robot_retarget.scores.soles import soles_of
+from robot_retarget.scores.subject import Subject
 from robot_retarget.trajectory import Trajectory
 
 MEASURES = (

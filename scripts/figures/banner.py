@@ -20,11 +20,11 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 import robot_retarget as rr
-from robot_retarget.arrays import Floats
-from robot_retarget.files import replacing
-from robot_retarget.shipped import SAMPLES
-from robot_retarget.view.gl import open_context
-from robot_retarget.view.picture import Unavailable
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.files import replacing
+from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.tools.view.gl import open_context
+from robot_retarget.tools.view.picture import Unavailable
 
 WIDTH, HEIGHT, FPS = 960, 400, 20
 FOV = 28.0

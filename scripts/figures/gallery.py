@@ -11,11 +11,11 @@ import html
 from pathlib import Path
 
 import robot_retarget as rr
-from robot_retarget.errors import RobotRetargetError
-from robot_retarget.files import folder, replacing
-from robot_retarget.shipped import SAMPLES
-from robot_retarget.view import Picture, strip
-from robot_retarget.view.web import Viewer, view
+from robot_retarget.base.errors import RobotRetargetError
+from robot_retarget.base.files import folder, replacing
+from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.tools.view import Picture, strip
+from robot_retarget.tools.view.web import Viewer, view
 
 PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">

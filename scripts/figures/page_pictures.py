@@ -21,8 +21,8 @@ from selenium.webdriver.chrome.options import Options
 from selenium.webdriver.chrome.service import Service
 
 import robot_retarget as rr
-from robot_retarget.files import folder, replacing
-from robot_retarget.shipped import SAMPLES
+from robot_retarget.base.files import folder, replacing
+from robot_retarget.base.shipped import SAMPLES
 
 FLAGS = (
     "--headless=new",

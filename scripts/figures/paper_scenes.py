@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
 from robot_retarget.papers.build import bone_edges, empty, pair_edges, trace_edges
 from robot_retarget.papers.points import PointGraph
 from robot_retarget.papers.skeletal import SkeletalStructure, realize, structure_from_pose

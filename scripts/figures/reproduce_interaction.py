@@ -8,6 +8,7 @@ import paper_plots as draw
 from paper_scenes import meeting, reaching
 
 import robot_retarget as rr
+from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.papers import (
     INTERACTION,
     Interaction,
@@ -24,7 +25,6 @@ from robot_retarget.papers import (
     solve_causally,
     stress,
 )
-from robot_retarget.shipped import SAMPLES
 
 Row = tuple[str, str, str]
 

@@ -16,12 +16,12 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 import robot_retarget as rr
-from robot_retarget.errors import RobotRetargetError
-from robot_retarget.files import folder, replacing
-from robot_retarget.motion import Motion
-from robot_retarget.shipped import SAMPLES
-from robot_retarget.view.painter import painter
-from robot_retarget.view.staging import arrange
+from robot_retarget.base.errors import RobotRetargetError
+from robot_retarget.base.files import folder, replacing
+from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.human.motion import Motion
+from robot_retarget.tools.view.painter import painter
+from robot_retarget.tools.view.staging import arrange
 
 LIST = Path(__file__).with_suffix(".csv")
 CLIP = SAMPLES / "wave.bvh"

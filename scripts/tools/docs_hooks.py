@@ -10,7 +10,7 @@ from typing import Any
 import typer.main
 
 import robot_retarget
-from robot_retarget.cli import app
+from robot_retarget.tools.cli import app
 
 GROUPS = {
     "Read": ("read_motion", "Motion", "Skeleton", "write_bvh", "read_scene", "Scene", "load_robot", "Robot"),
@@ -102,7 +102,7 @@ def names() -> Iterator[tuple[str, str]]:
     """Yield what a user types, and the full name of the object."""
     for group in groups().values():
         for name in group:
-            value = robot_retarget.public(name)
+            value = getattr(robot_retarget, name)
             yield name, f"{value.__module__}.{value.__qualname__}"
     for name, path in OPTIONS.items():
         yield name, f"robot_retarget.{path}"

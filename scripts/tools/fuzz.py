@@ -137,8 +137,8 @@ FAULTS = (_flip, _cut, _drop, _repeat, _noise, _number, _number, _line)
 
 def motion_target(folder: Path, more: list[Path]) -> Target:
     """All readers of human motion."""
-    from robot_retarget.motion import read_motion
-    from robot_retarget.shipped import SAMPLES
+    from robot_retarget.base.shipped import SAMPLES
+    from robot_retarget.human.read import read_motion
 
     rng = np.random.default_rng(0)
     turns = {"poses": rng.normal(0, 0.1, (9, 66)), "trans": np.zeros((9, 3)), "betas": np.zeros(10), "fps": 30.0}
@@ -185,15 +185,15 @@ def format_target(folder: Path, more: list[Path]) -> Target:
 def toml_target(folder: Path, more: list[Path]) -> Target:
     """All TOML files and reports."""
     from robot_retarget.actuators.map import load_map
-    from robot_retarget.batch.filters import SHIPPED, read_filters
+    from robot_retarget.base.shipped import MODELS, SAMPLES
     from robot_retarget.graph.edits import read_edits
     from robot_retarget.human.match import match
-    from robot_retarget.motion import read_motion
+    from robot_retarget.human.read import read_motion
+    from robot_retarget.judge.thresholds import read_thresholds
     from robot_retarget.robot import load_robot
     from robot_retarget.robot.catalog import read_limits
     from robot_retarget.servo.foreign import read_foreign
-    from robot_retarget.shipped import MODELS, SAMPLES
-    from robot_retarget.simulate.thresholds import read_thresholds
+    from robot_retarget.tools.batch.filters import SHIPPED, read_filters
 
     robot, motion = load_robot("op3"), read_motion(SAMPLES / "wave.bvh").frames(0, 2)
     texts = {
@@ -239,14 +239,14 @@ iyz="0"/></inertial><collision><geometry><box size=".1 .1 .1"/></geometry></coll
 
 def live_target(folder: Path, more: list[Path]) -> Target:
     """Packets of performers: VMC, lines of JSON, floats."""
+    from robot_retarget.base.shipped import SAMPLES
+    from robot_retarget.human.read import read_motion
     from robot_retarget.live.faults import FaultCounter, RefusedError
     from robot_retarget.live.protocols.floats import FloatDecoder
     from robot_retarget.live.protocols.lines import LineDecoder
     from robot_retarget.live.protocols.vmc import VmcDecoder
     from robot_retarget.live.receiver import Decoder
     from robot_retarget.live.send import PROTOCOLS
-    from robot_retarget.motion import read_motion
-    from robot_retarget.shipped import SAMPLES
 
     motion = read_motion(SAMPLES / "wave.bvh").frames(0, 4)
     for name, encoder in PROTOCOLS.items():
@@ -329,7 +329,7 @@ def _too_slow(*_: object) -> None:
 
 def outcome(read: Read, path: Path) -> str:
     """Read a file: `read`, `refused`, or what went wrong."""
-    from robot_retarget.errors import RobotRetargetError
+    from robot_retarget.base.errors import RobotRetargetError
 
     before, began = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()
     signal.setitimer(signal.ITIMER_VIRTUAL, 4 * SECONDS)

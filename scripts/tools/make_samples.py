@@ -30,7 +30,8 @@ from mannequin import (
 from moves import Floats, covered, through, turning
 from scipy.optimize import root_scalar
 
-from robot_retarget.motion import Motion, write_bvh
+from robot_retarget.human.motion import Motion
+from robot_retarget.human.readers.bvh import write_bvh
 
 FPS = 30.0
 STANDING = np.array([0.025, 0.0, ANKLE_HEIGHT + THIGH + SHIN - 0.003])

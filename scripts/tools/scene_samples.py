@@ -14,7 +14,8 @@ from make_samples import APART, FPS, HANGING, SIDES, STANDING, clock, hand, mirr
 from mannequin import ANKLE_HEIGHT, HIP_DROP, WAIST, Act, Foot, Hand, perform
 from moves import Floats, through
 
-from robot_retarget.motion import Motion, write_bvh
+from robot_retarget.human.motion import Motion
+from robot_retarget.human.readers.bvh import write_bvh
 
 BOX = np.array([0.24, 0.3, 0.2])
 """Edges of the box [m]."""

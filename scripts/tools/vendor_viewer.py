@@ -22,7 +22,7 @@ export {{ OrbitControls }} from "three/examples/jsm/controls/OrbitControls.js";
 export {{ mergeGeometries, mergeVertices, toCreasedNormals }} from "three/examples/jsm/utils/BufferGeometryUtils.js";
 export {{ default as uPlot }} from "uplot";
 """
-ASSETS = Path(__file__).resolve().parents[2] / "robot_retarget/view/web/assets"
+ASSETS = Path(__file__).resolve().parents[2] / "robot_retarget/tools/view/web/assets"
 
 
 def main() -> None:

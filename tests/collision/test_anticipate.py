@@ -4,22 +4,22 @@ import numpy as np
 import pytest
 from shared_files import SHARED, needs_shared
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.collision.warn import warnings_of
 from robot_retarget.graph.describe import describe
 from robot_retarget.graph.kinds.interaction import InteractionKind
 from robot_retarget.graph.weights import Weights
-from robot_retarget.motion import read_motion
+from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.distances import LinkDistances
 from robot_retarget.robot.kinematics import integrate
-from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.near_links import NearLinks
-from robot_retarget.solve.options import SolveOptions
-from robot_retarget.solve.problem import build_problem, targets_of
-from robot_retarget.solve.quadratic import CostModel, Quadratic
-from robot_retarget.solve.solve import solve_graph
-from robot_retarget.solve.stencils import Neighbours
+from robot_retarget.solver.near_links import NearLinks
+from robot_retarget.solver.options import SolveOptions
+from robot_retarget.solver.problem import build_problem, targets_of
+from robot_retarget.solver.quadratic import CostModel, Quadratic
+from robot_retarget.solver.solve import solve_graph
+from robot_retarget.solver.stencils import Neighbours
 
 K, WEIGHT = 6.0, 3.0
 HORIZON = InteractionKind().horizon

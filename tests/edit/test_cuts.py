@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_trajectories import wander
 
+from robot_retarget.base.errors import TrajectoryError, UsageError
+from robot_retarget.base.keypoints import mirrored as other_side
 from robot_retarget.edit import mirrored, trimmed
-from robot_retarget.errors import TrajectoryError, UsageError
-from robot_retarget.keypoints import mirrored as other_side
 from robot_retarget.robot import load_robot, recognise, world_points
 from robot_retarget.robot.kinematics import difference
 

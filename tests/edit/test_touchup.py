@@ -9,9 +9,9 @@ from forked import run
 from shared_files import ROOT
 
 import robot_retarget as rr
+from robot_retarget.base.errors import GraphError, UsageError
 from robot_retarget.edit.session import Session, graph_of
 from robot_retarget.edit.touchup import AROUND, apply_edit
-from robot_retarget.errors import GraphError, UsageError
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.edits import Edit
 from robot_retarget.robot import load_robot, world_points

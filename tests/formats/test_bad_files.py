@@ -15,9 +15,9 @@ import pytest
 from format_moves import motion_of, robot_called
 from restated_readers import READERS, viser_player
 
-from robot_retarget.errors import FileError, OutputError, TrajectoryError, UsageError
+from robot_retarget.base.errors import FileError, OutputError, TrajectoryError, UsageError
+from robot_retarget.base.untrusted.pickles import dump_pickle, load_pickle
 from robot_retarget.formats import FORMATS, FormatOptions, export, import_motion
-from robot_retarget.untrusted.pickles import dump_pickle, load_pickle
 
 
 @pytest.fixture(scope="module")

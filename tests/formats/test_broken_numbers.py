@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from format_moves import motion_of, robot_called
 
-from robot_retarget.errors import RobotRetargetError, TrajectoryError
+from robot_retarget.base.errors import RobotRetargetError, TrajectoryError
 from robot_retarget.formats import FORMATS, export, import_motion
 from robot_retarget.formats.sidecar import sidecar_path
 

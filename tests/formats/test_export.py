@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_trajectories import RAIL, hold, robot_of, wander
 
-from robot_retarget.errors import OutputError, TrajectoryError, UsageError
+from robot_retarget.base.errors import OutputError, TrajectoryError, UsageError
 from robot_retarget.formats import FORMATS, export
 from robot_retarget.robot import load_robot
 from robot_retarget.trajectory import Trajectory

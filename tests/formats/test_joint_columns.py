@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from format_moves import motion_of, robot_called
 
-from robot_retarget.errors import TrajectoryError
+from robot_retarget.base.errors import TrajectoryError
 from robot_retarget.formats import FormatOptions, export, import_motion
 from robot_retarget.formats.sidecar import sidecar_path
 

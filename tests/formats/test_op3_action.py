@@ -8,7 +8,7 @@ import pytest
 from format_moves import motion_of, robot_called
 
 from robot_retarget.actuators.map import load_map
-from robot_retarget.errors import TrajectoryError, UsageError
+from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.formats import FormatOptions, export, import_motion
 from robot_retarget.trajectory import Trajectory
 

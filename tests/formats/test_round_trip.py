@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from format_moves import THERE, motion_of, robot_called
 
-from robot_retarget.errors import TrajectoryError, UsageError
+from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.formats import FORMATS, FormatOptions, export, import_motion
 from robot_retarget.formats.io import recognised
 from robot_retarget.formats.sidecar import sidecar_path

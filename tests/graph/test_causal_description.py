@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
+from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.graph.causal.footholds import CLOSING, SWERVE
 from robot_retarget.graph.causal.targets import CausalTargets
 from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.graph.role import Role
 from robot_retarget.graph.track import HARD, columns_of, ordered
 from robot_retarget.human.causal import LEAP, CausalFeatures
-from robot_retarget.motion import read_motion
+from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot
-from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.problem import targets_of
+from robot_retarget.solver.problem import targets_of
 
 CLIPS = ("walk", "squat", "wave", "clap", "hips_and_bow")
 

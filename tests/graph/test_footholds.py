@@ -13,7 +13,9 @@ from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 from shared_files import SHARED, needs_shared
 
-from robot_retarget.arrays import Floats, intervals
+from robot_retarget.base.arrays import Floats, intervals
+from robot_retarget.base.ramps import smoothstep
+from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.graph.footholds import (
     foothold_corners,
@@ -29,14 +31,13 @@ from robot_retarget.graph.track import HARD
 from robot_retarget.human.features import features_of
 from robot_retarget.human.ground import floor_under
 from robot_retarget.human.match import match
-from robot_retarget.motion import Motion, read_motion
-from robot_retarget.ramps import smoothstep
+from robot_retarget.human.motion import Motion
+from robot_retarget.human.read import read_motion
 from robot_retarget.robot import Robot, load_robot, world_points
 from robot_retarget.robot.feet import sole_corners
 from robot_retarget.robot.recognise import recognise
-from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.live.stream import stream
-from robot_retarget.solve.solve import solve_graph
+from robot_retarget.solver.live.stream import stream
+from robot_retarget.solver.solve import solve_graph
 
 SOLE = np.array([[0.2, 0.05, 0], [0.2, -0.05, 0], [0, 0.05, 0], [0, -0.05, 0]])
 """Front left, front right, rear left, rear right [m]."""

@@ -7,15 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot_retarget.errors import GraphError
+from robot_retarget.base.errors import GraphError
+from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.graph.added import FADE
 from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.graph.kinds import KINDS
 from robot_retarget.graph.track import HARD
-from robot_retarget.motion import read_motion
+from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.geoms import allowed, solid_geoms
-from robot_retarget.shipped import SAMPLES
 
 FRAMES = 60
 HAND_TO_HEAD = ("l_hand", "head")

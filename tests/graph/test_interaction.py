@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.errors import GraphError, UsageError
+from robot_retarget.base.errors import GraphError, UsageError
 from robot_retarget.papers import (
     Interaction,
     feasible_balls,

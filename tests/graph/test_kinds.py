@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.graph.kind import Kind, RetargetContext
 from robot_retarget.graph.kinds import KINDS, stream_kinds
@@ -19,13 +20,12 @@ from robot_retarget.graph.kinds.mass import MassKind
 from robot_retarget.graph.kinds.temporal import BOUNCE, SmoothnessKind
 from robot_retarget.graph.symbolic_robot import SymbolicRobot, drawn_configurations
 from robot_retarget.graph.track import Track, exact, frame_costs
-from robot_retarget.motion import read_motion
+from robot_retarget.human.read import read_motion
 from robot_retarget.robot import Robot, load_robot, world_points
 from robot_retarget.robot.feet import sole_corners
-from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.options import Smoothing
-from robot_retarget.solve.problem import Problem, build_problem
-from robot_retarget.solve.solve import solve_graph
+from robot_retarget.solver.options import Smoothing
+from robot_retarget.solver.problem import Problem, build_problem
+from robot_retarget.solver.solve import solve_graph
 
 HAND, HEAD = ("l_el_link", np.array([0.02, 0.1, 0.0])), np.array([0.3, -0.1, 0.2])
 """A point on a forearm and a place in the world [m]."""

@@ -12,7 +12,8 @@ from shared_files import SHARED, needs_shared
 from robot_retarget.graph.describe import describe
 from robot_retarget.human.features import features_of
 from robot_retarget.human.match import Match, match
-from robot_retarget.motion import Motion, read_motion
+from robot_retarget.human.motion import Motion
+from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot
 
 FOLDER = SHARED / "motions" / "bvh"

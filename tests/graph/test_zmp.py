@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import robot_retarget as rr
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.kind import RetargetContext
 from robot_retarget.graph.kinds.zmp import ZmpKind
@@ -17,9 +18,8 @@ from robot_retarget.graph.track import Track
 from robot_retarget.graph.weights import Weights
 from robot_retarget.robot.feet import sole_corners
 from robot_retarget.robot.kinematics import world_points
-from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.solve import solve_graph
-from robot_retarget.solve.stencils import StencilCost
+from robot_retarget.solver.solve import solve_graph
+from robot_retarget.solver.stencils import StencilCost
 
 RATE = 1000.0
 """Frames per second of the motions that are compared with derivatives [1/s]."""

@@ -9,8 +9,8 @@ import robot_retarget as rr
 from robot_retarget.human.contacts import contact_schedule, on_soles
 from robot_retarget.human.features import features_of
 from robot_retarget.human.match import match
+from robot_retarget.human.read import read_motion
 from robot_retarget.human.stance import StanceRule, without_flicker
-from robot_retarget.motion import read_motion
 
 NPZ = SHARED / "motions" / "other" / "npz"
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from shared_files import SHARED, needs_shared
 
-from robot_retarget.arrays import Floats, unit
+from robot_retarget.base.arrays import Floats, unit
+from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.human.features import features_of
 from robot_retarget.human.match import match
-from robot_retarget.motion import read_motion
+from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot
-from robot_retarget.shipped import SAMPLES
 
 DANCE = SHARED / "motions/bvh/cmu_cgspeed_motionbuilder/05_06_dance.bvh"
 FALL = SHARED / "motions/bvh/lafan1_procedural/fall_getup_procedural.bvh"

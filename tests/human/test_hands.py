@@ -7,16 +7,17 @@ import pytest
 from scipy.spatial.transform import Rotation
 from shared_files import SHARED, needs_shared
 
-from robot_retarget.arrays import Floats, unit
+from robot_retarget.base.arrays import Floats, unit
+from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.human.features import features_of
 from robot_retarget.human.match import match
+from robot_retarget.human.motion import Motion
+from robot_retarget.human.read import read_motion
 from robot_retarget.human.segments import pointed
-from robot_retarget.motion import Motion, read_motion
-from robot_retarget.pipeline import retarget
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.recognise import recognise
-from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.options import Smoothing
+from robot_retarget.solver.options import Smoothing
+from robot_retarget.solver.pipeline import retarget
 
 TURN = 0.5 * np.sin(np.linspace(0, 4 * np.pi, 25))
 """By which a hand turns about its forearm [rad]."""

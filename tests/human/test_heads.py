@@ -7,12 +7,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 from shared_files import SHARED, needs_shared
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.human.features import features_of
 from robot_retarget.human.match import match
-from robot_retarget.motion import Motion, read_motion
+from robot_retarget.human.motion import Motion
+from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot
-from robot_retarget.shipped import SAMPLES
 
 
 def own_and_frame(motion: Motion, robot: str = "op3") -> tuple[Rotation, Floats]:

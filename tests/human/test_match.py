@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from shared_files import SHARED, needs_shared
 
-from robot_retarget.errors import MatchError
+from robot_retarget.base.errors import MatchError
+from robot_retarget.base.keypoints import KEYPOINTS
+from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.human.match import match
-from robot_retarget.keypoints import KEYPOINTS
-from robot_retarget.motion import read_motion
+from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot
-from robot_retarget.shipped import SAMPLES
 
 
 def test_two_whole_bodies_share_every_keypoint() -> None:

@@ -8,7 +8,7 @@ import pytest
 from shared_files import ROOT
 
 import robot_retarget as rr
-from robot_retarget.shipped import SAMPLES
+from robot_retarget.base.shipped import SAMPLES
 
 MOST = {
     "recognition/recognise.py:recognise": 1,

@@ -14,13 +14,13 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from shared_files import SHARED, needs_shared
 
-from robot_retarget.errors import MatchError
+from robot_retarget.base.errors import MatchError
+from robot_retarget.base.keypoints import KEYPOINTS, mirrored
+from robot_retarget.human.capture import Capture
+from robot_retarget.human.readers.bvh import read_bvh
 from robot_retarget.human.recognition import Mark, Recognition, apply_override, recognise
 from robot_retarget.human.recognition.joint_names import name_evidence
-from robot_retarget.keypoints import KEYPOINTS, mirrored
-from robot_retarget.motion import Skeleton
-from robot_retarget.motion.capture import Capture
-from robot_retarget.motion.formats.bvh import read_bvh
+from robot_retarget.human.skeleton import Skeleton
 
 ONE_OF_EACH = (
     "cmu_cgspeed_motionbuilder/02_01_walk",

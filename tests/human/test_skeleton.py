@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot_retarget.arrays import Ints
-from robot_retarget.motion import Skeleton
+from robot_retarget.base.arrays import Ints
+from robot_retarget.human.skeleton import Skeleton
 
 
 def way(parents: Ints, joint: int, carried: int) -> list[int]:

@@ -9,14 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.human.motion import Motion
+from robot_retarget.human.read import read_motion
+from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.live.faults import FaultCounter
 from robot_retarget.live.ports import Packet, UdpPort
 from robot_retarget.live.receiver import Decoder, Receiver
 from robot_retarget.live.send import send
-from robot_retarget.motion import Motion, Skeleton, read_motion
 from robot_retarget.robot import Robot
-from robot_retarget.shipped import SAMPLES
 
 HOST = "127.0.0.1"
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from headset_sessions import isaac_session, performer, poses_of, record, their_schema
 
-from robot_retarget.errors import UsageError
+from robot_retarget.base.errors import UsageError
+from robot_retarget.human.motion import Motion
 from robot_retarget.live.faults import Fault, FaultCounter
 from robot_retarget.live.headsets import HeadsetSource, IsaacHeadset, XrtHeadset
 from robot_retarget.live.open import opened
-from robot_retarget.motion import Motion
 
 ELBOW = 18
 

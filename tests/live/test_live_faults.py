@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from performers import HOST, Said, Script, Swing, clip, frames_for, listening, performing
 
+from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.live.faults import Fault, FaultCounter, RefusedError
 from robot_retarget.live.frame import Frame
 from robot_retarget.live.loop import Loop, Patience
@@ -25,7 +26,6 @@ from robot_retarget.live.protocols.vmc import VmcDecoder
 from robot_retarget.live.receiver import Decoder, Receiver
 from robot_retarget.live.send import PROTOCOLS
 from robot_retarget.robot import load_robot
-from robot_retarget.shipped import SAMPLES
 
 MOTION = clip()
 SKELETON = MOTION.skeleton

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from performers import clip
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.errors import UsageError
+from robot_retarget.base.errors import UsageError
 from robot_retarget.human.kinematics import forward, forward_once
+from robot_retarget.human.motion import Motion
 from robot_retarget.human.recognition import recognise
 from robot_retarget.live.faults import FaultCounter
 from robot_retarget.live.frame import Frame
@@ -31,7 +32,6 @@ from robot_retarget.live.protocols.lines import LineDecoder
 from robot_retarget.live.protocols.vmc import VmcDecoder
 from robot_retarget.live.receiver import Decoder
 from robot_retarget.live.send import PROTOCOLS, sending
-from robot_retarget.motion import Motion
 
 numbers = st.floats(-3, 3)
 

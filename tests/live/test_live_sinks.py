@@ -11,7 +11,7 @@ from made_trajectories import wander
 from performers import Answer, Swing, clip
 
 from robot_retarget.actuators.map import Servo, ServoMap, load_map
-from robot_retarget.errors import MotionError, ServoError
+from robot_retarget.base.errors import MotionError, ServoError
 from robot_retarget.live.calibration import load_calibration, save_calibration
 from robot_retarget.live.faults import FaultCounter
 from robot_retarget.live.loop import Loop

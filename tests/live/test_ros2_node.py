@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.robot import load_robot
-from robot_retarget.shipped import SAMPLES
 
 rclpy = pytest.importorskip("rclpy", reason="rclpy is not installed")
 NODE = Path(__file__).parents[2] / "ros2/retarget_node.py"

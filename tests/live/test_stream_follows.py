@@ -17,12 +17,12 @@ from performers import HOST, clip, listening, performing
 from shared_files import ROOT
 
 from robot_retarget.actuators.map import load_map
+from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.live.loop import Loop
 from robot_retarget.live.protocols.lines import line_of, skeleton_line
 from robot_retarget.live.protocols.vmc import VmcDecoder
 from robot_retarget.robot import load_robot
-from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.live.stream import Stream
+from robot_retarget.solver.live.stream import Stream
 
 WAVE = str(SAMPLES / "wave.bvh")
 COMMAND = [sys.executable, "-m", "robot_retarget", "stream", "--robot", "op3"]

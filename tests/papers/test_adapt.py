@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot_retarget.errors import GraphError
+from robot_retarget.base.errors import GraphError
 from robot_retarget.papers import (
     Blend,
     Ipopt,

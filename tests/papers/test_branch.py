@@ -5,7 +5,7 @@ import pytest
 from paper_instances import sensor_network, stiff_mesh
 from small_graphs import graph_of
 
-from robot_retarget.errors import GraphError
+from robot_retarget.base.errors import GraphError
 from robot_retarget.papers import (
     Branching,
     Newton,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from paper_scenes import meeting, team
 
-from robot_retarget.errors import UsageError
+from robot_retarget.base.errors import UsageError
 from robot_retarget.papers import (
     INTERACTION,
     Interaction,

@@ -8,13 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
+from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.graph.describe import RobotGraph, describe
-from robot_retarget.motion import read_motion
+from robot_retarget.human.read import read_motion
 from robot_retarget.papers import Newton, distances, solve, stress
 from robot_retarget.papers.expansion import expanded, printed_stress
 from robot_retarget.robot import load_robot, world_points
-from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.solve import solve_graph
+from robot_retarget.solver.solve import solve_graph
 
 PLACE = np.array([0.2, 0.0, 0.5])
 FRAMES = 4

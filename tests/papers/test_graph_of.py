@@ -6,8 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from small_graphs import with_huber
 
-from robot_retarget.errors import GraphError
-from robot_retarget.motion import read_motion
+from robot_retarget.base.errors import GraphError
+from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.human.read import read_motion
 from robot_retarget.papers import (
     Ipopt,
     Newton,
@@ -21,7 +22,6 @@ from robot_retarget.papers import (
     solve_frames,
     stress,
 )
-from robot_retarget.shipped import SAMPLES
 
 
 def test_a_motion_is_the_realization_without_stress_of_its_own_graph() -> None:

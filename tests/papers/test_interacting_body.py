@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import pdist, squareform
 
-from robot_retarget.errors import UsageError
+from robot_retarget.base.errors import UsageError
 from robot_retarget.papers import Blend, Interaction, Newton, Spectral, adapt, solve, stress, table_one_body
 from robot_retarget.papers.body import ARMS, resized
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from small_graphs import table
 
-from robot_retarget.errors import GraphError, UsageError
+from robot_retarget.base.errors import GraphError, UsageError
 from robot_retarget.papers import (
     INTERACTION,
     PointGraph,

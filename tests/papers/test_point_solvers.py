@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from small_graphs import graph_of, of_kind, table
 
-from robot_retarget.errors import GraphError, UsageError
+from robot_retarget.base.errors import GraphError, UsageError
 from robot_retarget.papers import (
     BONE,
     INTERACTION,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from small_graphs import graph_of
 
-from robot_retarget.errors import GraphError
+from robot_retarget.base.errors import GraphError
 from robot_retarget.human.normalisation import paths
 from robot_retarget.papers import (
     adapt,

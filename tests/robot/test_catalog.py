@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robot_retarget.errors import RobotError
+from robot_retarget.base.errors import RobotError
 from robot_retarget.robot import load_robot, shipped_robots
 
 ARM = """<mujoco><worldbody><body name="base">{root}<geom size=".1" mass="1"/>

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robot_retarget.errors import MatchError
+from robot_retarget.base.errors import MatchError
 from robot_retarget.robot import Robot, load_robot, recognise, recognise_with
 
 LEG = """<body name="{n}_thigh" pos="0 {y} 0"><joint axis="1 0 0"/><joint axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 -.3" size=".03"/>

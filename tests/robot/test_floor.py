@@ -9,15 +9,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 from shared_files import SHARED, needs_shared
 
-from robot_retarget.motion import Motion, read_motion
-from robot_retarget.pipeline import retarget
+from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.human.motion import Motion
+from robot_retarget.human.read import read_motion
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.floor import FLOOR
 from robot_retarget.robot.kinematics import integrate
 from robot_retarget.robot.links import Links
 from robot_retarget.robot.placed import Placed, joined
 from robot_retarget.robot.separation import STILL, Separation
-from robot_retarget.shipped import SAMPLES
+from robot_retarget.solver.pipeline import retarget
 
 REACH = 0.05
 NEAR = STILL * REACH

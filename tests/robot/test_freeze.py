@@ -8,7 +8,7 @@ from made_trajectories import hold, swing
 from shared_files import ROOT
 
 import robot_retarget as rr
-from robot_retarget.errors import TrajectoryError, UsageError
+from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.robot import Robot, recognise
 from robot_retarget.robot.freeze import held
 

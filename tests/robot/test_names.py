@@ -2,7 +2,7 @@
 
 import pytest
 
-from robot_retarget.errors import RobotError
+from robot_retarget.base.errors import RobotError
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.names import humanoids, resolved
 

@@ -5,12 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robot_retarget.errors import MatchError, RobotError
+from robot_retarget.base.errors import MatchError, RobotError
+from robot_retarget.base.keypoints import KEYPOINTS
+from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.human.match import match
-from robot_retarget.keypoints import KEYPOINTS
-from robot_retarget.motion import Motion, Skeleton, read_motion
+from robot_retarget.human.motion import Motion
+from robot_retarget.human.read import read_motion
+from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.robot import Robot, load_robot, recognise, recognise_with, world_points
-from robot_retarget.shipped import SAMPLES
 
 
 def leg(side: str, sign: int, pitch: str = "0 1 0", rod: str = "") -> str:

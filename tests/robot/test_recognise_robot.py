@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from shared_files import SHARED, needs_shared
 
-from robot_retarget.errors import MatchError
-from robot_retarget.keypoints import KEYPOINTS, mirrored
+from robot_retarget.base.errors import MatchError
+from robot_retarget.base.keypoints import KEYPOINTS, mirrored
 from robot_retarget.robot import Anatomy, Points, Robot, load_robot, override, recognise, world_points
 from robot_retarget.robot.anatomy import joints_by_limb
 from robot_retarget.robot.links import Links

@@ -6,7 +6,7 @@ import pytest
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.actuators.map import load_map
-from robot_retarget.keypoints import KEYPOINTS
+from robot_retarget.base.keypoints import KEYPOINTS
 from robot_retarget.robot import load_robot, recognise, shipped_robots
 from robot_retarget.robot.names import humanoids, resolved
 

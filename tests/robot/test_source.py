@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.errors import RobotError
+from robot_retarget.base.errors import RobotError
 from robot_retarget.robot import Robot, load_robot, recognise, world_points
 from robot_retarget.robot.catalog import NO_ROOT
 from robot_retarget.robot.kinematics import body_frames

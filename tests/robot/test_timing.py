@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from made_trajectories import hold, swing, wander
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.errors import UsageError
+from robot_retarget.base.errors import UsageError
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.timing import joint_velocities, resample, sample
 

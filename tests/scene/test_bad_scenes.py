@@ -9,7 +9,7 @@ from forked import run
 from scene_files import CLIP, CRATE, CUBE, FAR, boxed, optitrack, path, written
 
 import robot_retarget as rr
-from robot_retarget.errors import SceneError
+from robot_retarget.base.errors import SceneError
 from robot_retarget.human.surroundings import with_scene
 from robot_retarget.scene.geoms import MESH_FILE
 from robot_retarget.scene.scene import RigidBody, Scene

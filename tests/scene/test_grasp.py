@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import robot_retarget as rr
+from robot_retarget.judge.grasp import SQUEEZE, grasp_pushes
+from robot_retarget.judge.plant import Plant
+from robot_retarget.judge.rollout import plant_of
 from robot_retarget.robot.body_distances import RobotAmongBodies
 from robot_retarget.scene.scene import RigidBody, Scene
 from robot_retarget.scene.shape import ShapeKind, solid
-from robot_retarget.simulate.grasp import SQUEEZE, grasp_pushes
-from robot_retarget.simulate.plant import Plant
-from robot_retarget.simulate.rollout import plant_of
 
 OP3 = rr.load_robot("op3")
 FRAMES, HEIGHT, GRAVITY = 30, 0.06, 9.81

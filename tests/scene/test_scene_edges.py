@@ -11,11 +11,11 @@ from shared_files import ROOT
 import robot_retarget as rr
 from robot_retarget.graph.placed_scene import PlacedScene, placed_scene
 from robot_retarget.graph.soles import raised
-from robot_retarget.pipeline import Result
 from robot_retarget.robot.body_distances import RobotAmongBodies
 from robot_retarget.robot.kinematics import integrate
 from robot_retarget.scene.scene import RigidBody, Scene, composed
 from robot_retarget.scene.shape import ShapeKind, solid
+from robot_retarget.solver.pipeline import Result
 
 OP3 = rr.load_robot("op3")
 WAVE = rr.read_motion(ROOT / "samples" / "wave.bvh").frames(0, 24)

@@ -9,12 +9,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import robot_retarget as rr
-from robot_retarget.errors import TrajectoryError, UsageError
+from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.formats import FORMATS, FormatOptions
 from robot_retarget.scene.geoms import PREFIX
 from robot_retarget.scene.scene import RigidBody, Scene
 from robot_retarget.scene.shape import ShapeKind, height_field, mesh, solid
-from robot_retarget.view import Picture, strip
+from robot_retarget.tools.view import Picture, strip
 
 OP3 = rr.load_robot("op3")
 CUBE = solid(ShapeKind.BOX, (0.1, 0.2, 0.3))

@@ -9,7 +9,7 @@ import pytest
 from shared_files import ROOT
 
 import robot_retarget as rr
-from robot_retarget.errors import SceneError
+from robot_retarget.base.errors import SceneError
 from robot_retarget.graph.placed_scene import PlacedScene, placed_scene
 from robot_retarget.graph.status import Status
 from robot_retarget.human.live_scene import LiveScene
@@ -19,8 +19,8 @@ from robot_retarget.live.faults import FaultCounter
 from robot_retarget.live.protocols.lines import LineDecoder, line_of, skeleton_line
 from robot_retarget.scene.scene import RigidBody, Scene
 from robot_retarget.scene.shape import ShapeKind, solid
-from robot_retarget.solve.live.follower import StreamPose
-from robot_retarget.solve.live.stream import Stream
+from robot_retarget.solver.live.follower import StreamPose
+from robot_retarget.solver.live.stream import Stream
 
 OP3 = rr.load_robot("op3")
 SCENES = ROOT / "samples/scenes"

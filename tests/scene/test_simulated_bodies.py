@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import robot_retarget as rr
-from robot_retarget.errors import SceneError, UsageError
+from robot_retarget.base.errors import SceneError, UsageError
 from robot_retarget.scene.pack import FIELDS, OPTIONAL, arrays_of, scene_from
 from robot_retarget.scene.scene import RigidBody, Scene
 from robot_retarget.scene.shape import ShapeKind, height_field, mesh, solid

@@ -11,10 +11,10 @@ from emulated import emulated
 
 import robot_retarget as rr
 from robot_retarget.actuators.map import load_map
+from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions
 from robot_retarget.servo.plan import goal_plan
 from robot_retarget.servo.play import play
-from robot_retarget.shipped import SAMPLES
 
 OP3, OP3_MAP = rr.load_robot("op3"), load_map("op3")
 UPRIGHT = 0.9

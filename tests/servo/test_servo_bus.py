@@ -10,7 +10,7 @@ from dynamixel_sdk import GroupSyncRead, PortHandler, Protocol2PacketHandler, po
 from emulated import ARM, Emulated, emulated
 
 from robot_retarget.actuators.control_tables import XM430_W350
-from robot_retarget.errors import ServoError
+from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.bus import Bus, NoAnswerError, PortLostError, StatusError
 
 POSITION = XM430_W350["present_position"]

@@ -10,8 +10,8 @@ from made_trajectories import hold
 
 import robot_retarget as rr
 from robot_retarget.actuators.balance_tables import Balance, Imu
+from robot_retarget.actuators.feedback.reading import LEVEL, Reading
 from robot_retarget.actuators.map import load_map
-from robot_retarget.feedback.reading import LEVEL, Reading
 from robot_retarget.servo.fall import FallGuard
 from robot_retarget.servo.outcome import FaultError, PlaybackEnd, PlaybackOptions
 from robot_retarget.servo.plan import ServoPlan, plain_plan

@@ -16,19 +16,19 @@ from scipy.spatial.transform import Rotation
 
 import robot_retarget as rr
 from robot_retarget.actuators.balance_tables import STANDARD_GRAVITY, Imu
+from robot_retarget.actuators.feedback.lean import LeanTest
+from robot_retarget.actuators.feedback.monitor import Monitor, rest_faults
+from robot_retarget.actuators.feedback.reading import LEVEL, Reading
+from robot_retarget.actuators.feedback.sensor import VirtualImu
 from robot_retarget.actuators.map import ServoMap, load_map
-from robot_retarget.errors import ServoError
-from robot_retarget.feedback.lean import LeanTest
-from robot_retarget.feedback.monitor import Monitor, rest_faults
-from robot_retarget.feedback.reading import LEVEL, Reading
-from robot_retarget.feedback.sensor import VirtualImu
+from robot_retarget.base.errors import ServoError
+from robot_retarget.base.shipped import MODELS as SHIPPED
 from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.opencr import OpenCr, decoded, encoded
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions
 from robot_retarget.servo.plan import goal_plan
 from robot_retarget.servo.play import play
 from robot_retarget.servo.sensor import LineSensor
-from robot_retarget.shipped import MODELS as SHIPPED
 
 OP3, OP3_MAP = rr.load_robot("op3"), load_map("op3")
 IMU = OP3_MAP.imu or Imu()

@@ -14,7 +14,7 @@ from shared_files import ROOT
 
 from robot_retarget.actuators.control_tables import XM430_W350
 from robot_retarget.actuators.map import TICKS_PER_RADIAN, ServoMap
-from robot_retarget.errors import ServoError
+from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.check import require_fit
 from robot_retarget.servo.cycle import Cycle, Step

@@ -12,14 +12,14 @@ from emulated import ARM
 from made_trajectories import hold
 from test_servo_commands import call
 
+from robot_retarget.actuators.goals import RATE, Goals
 from robot_retarget.actuators.map import Servo, ServoMap
-from robot_retarget.cli.stages import judged_plain
-from robot_retarget.errors import ServoError, TrajectoryError
-from robot_retarget.goals import RATE, Goals
-from robot_retarget.report_file import sealed
+from robot_retarget.base.errors import ServoError, TrajectoryError
+from robot_retarget.base.report_file import sealed
+from robot_retarget.judge.thresholds import Thresholds
 from robot_retarget.robot import load_robot
 from robot_retarget.servo.judgement import require_judged
-from robot_retarget.simulate.thresholds import Thresholds
+from robot_retarget.tools.cli.stages import judged_plain
 from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory
 
 QPOS = np.zeros((11, 4))

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_retarget.actuators.map import Servo, ServoMap, dump_map, load_map, shipped_maps
-from robot_retarget.errors import ServoError
+from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.foreign import read_foreign
 from robot_retarget.servo.plan import plain_plan
 from robot_retarget.trajectory import Trajectory

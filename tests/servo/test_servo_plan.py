@@ -6,9 +6,9 @@ from emulated import ARM
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robot_retarget.actuators.goals import Goals
 from robot_retarget.actuators.map import Limits
-from robot_retarget.errors import ServoError
-from robot_retarget.goals import Goals
+from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.performance import MADE_UP, ticks_to_skip
 from robot_retarget.servo.plan import glide, goal_plan, part_of, plain_plan
 from robot_retarget.trajectory import Trajectory

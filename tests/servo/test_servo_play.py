@@ -20,7 +20,7 @@ from emulated import ARM, QUICK, Emulated, emulated, until
 from shared_files import ROOT
 
 from robot_retarget.actuators.map import TICKS_PER_RADIAN, dump_map, load_map
-from robot_retarget.errors import ServoError
+from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.check import require_fit
 from robot_retarget.servo.hold import take_hold

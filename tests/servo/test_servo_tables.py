@@ -7,7 +7,7 @@ import pytest
 
 from robot_retarget.actuators.control_tables import MODELS, TABLE_END, model_named, model_numbered
 from robot_retarget.actuators.motors import MOTORS
-from robot_retarget.errors import ServoError
+from robot_retarget.base.errors import ServoError
 
 SHIPPED = Path(dynamixel_sdk.__file__).parents[1] / "dynamixel_easy_sdk" / "control_table"
 

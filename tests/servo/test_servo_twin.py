@@ -8,7 +8,7 @@ from shared_files import ROOT
 
 from robot_retarget.actuators.control_tables import OVERLOAD
 from robot_retarget.actuators.map import Servo, ServoMap, load_map
-from robot_retarget.errors import ServoError
+from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.emulated import play_emulated
 from robot_retarget.servo.emulator.device import rested
 from robot_retarget.servo.emulator.run import scene_of

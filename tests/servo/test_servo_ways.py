@@ -13,16 +13,16 @@ import pytest
 from emulated import ARM, Emulated, emulated
 from typer.testing import CliRunner
 
-from robot_retarget.cli import app
-from robot_retarget.errors import ServoError, UsageError
-from robot_retarget.goals import Goals
-from robot_retarget.report_file import sealed
+from robot_retarget.actuators.goals import Goals
+from robot_retarget.base.errors import ServoError, UsageError
+from robot_retarget.base.report_file import sealed
 from robot_retarget.servo.interrupts import Interrupts
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions, PlaybackOutcome
 from robot_retarget.servo.plan import ServoPlan, goal_plan
 from robot_retarget.servo.play import play
 from robot_retarget.servo.playlist import Piece, Playlist, read_playlist, require_same_stands
 from robot_retarget.servo.ways import Course, judged_ways, parting
+from robot_retarget.tools.cli import app
 from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory
 
 RATE = 100.0

@@ -11,14 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import TrajectoryError, UsageError
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import TrajectoryError, UsageError
+from robot_retarget.base.untrusted.unpack import file_bytes
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.formats.text.servo_ticks import servo_map_of
-from robot_retarget.untrusted.unpack import file_bytes
 
 PAGES, STEPS, IDS = 256, 7, 31
 SIZE = 512

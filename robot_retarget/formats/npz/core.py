@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_retarget.errors import TrajectoryError
+from robot_retarget.base.errors import TrajectoryError
+from robot_retarget.base.untrusted.arrays import save_npz
+from robot_retarget.base.untrusted.fields import shaped
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import TrajectorySource
-from robot_retarget.untrusted.arrays import save_npz
-from robot_retarget.untrusted.fields import shaped
 
 TITLE = "core-robot-motion-v1"
 LAYOUT = "root_xyz_quat_wxyz_then_model_joint_qpos"

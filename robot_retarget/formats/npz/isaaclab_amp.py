@@ -9,14 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
+from robot_retarget.base.untrusted.arrays import save_npz
+from robot_retarget.base.untrusted.fields import shaped
 from robot_retarget.formats.bodies import body_tracks, velocities
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.orders import body_names, robot_bodies
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import TrajectorySource
-from robot_retarget.untrusted.arrays import save_npz
-from robot_retarget.untrusted.fields import shaped
 
 KEYS = {"dof_names", "body_names", "dof_positions", "body_positions", "body_rotations"}
 

@@ -9,15 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_retarget.errors import TrajectoryError
+from robot_retarget.base.errors import TrajectoryError
+from robot_retarget.base.untrusted.arrays import save_npz
+from robot_retarget.base.untrusted.fields import shaped
 from robot_retarget.formats.bodies import body_tracks, site_tracks, velocities
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.robot.model import FREE
-from robot_retarget.untrusted.arrays import save_npz
-from robot_retarget.untrusted.fields import shaped
 
 MODEL_FIELDS = (
     *(f"body_{field}" for field in ("rootid", "weldid", "mocapid", "pos", "quat", "ipos", "iquat")),

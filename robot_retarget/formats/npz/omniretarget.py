@@ -13,14 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import TrajectoryError, UsageError
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import TrajectoryError, UsageError
+from robot_retarget.base.untrusted.arrays import save_npz
+from robot_retarget.base.untrusted.fields import shaped
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import TrajectorySource
-from robot_retarget.untrusted.arrays import save_npz
-from robot_retarget.untrusted.fields import shaped
 
 NAMED = {"qpos", "fps", "human_joints", "cost", "joint_names"}
 OBJECT = 7

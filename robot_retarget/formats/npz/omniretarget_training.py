@@ -10,8 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import TrajectoryError
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import TrajectoryError
+from robot_retarget.base.untrusted.arrays import save_npz
+from robot_retarget.base.untrusted.fields import shaped
 from robot_retarget.formats.bodies import body_tracks, central, turning, velocities
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import TrajectoryFormat
@@ -19,8 +21,6 @@ from robot_retarget.formats.npz.omniretarget import moving_body
 from robot_retarget.formats.npz.tracking import KEYS
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import TrajectorySource
-from robot_retarget.untrusted.arrays import save_npz
-from robot_retarget.untrusted.fields import shaped
 
 OBJECT = ("object_pos_w", "object_quat_w")
 """Pose of an object, in archives of tasks with one."""

@@ -10,8 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints
-from robot_retarget.errors import TrajectoryError
+from robot_retarget.base.arrays import Floats, Ints
+from robot_retarget.base.errors import TrajectoryError
+from robot_retarget.base.untrusted.arrays import save_npz
+from robot_retarget.base.untrusted.fields import shaped
 from robot_retarget.formats.bodies import body_tracks, velocities
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import TrajectoryFormat
@@ -20,8 +22,6 @@ from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.robot.model import Robot
-from robot_retarget.untrusted.arrays import save_npz
-from robot_retarget.untrusted.fields import shaped
 
 KEYS = ("joint_pos", "joint_vel", "body_pos_w", "body_quat_w", "body_lin_vel_w", "body_ang_vel_w")
 NEAR = 0.005

@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import FileError
-from robot_retarget.untrusted.fields import shaped
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import FileError
+from robot_retarget.base.untrusted.fields import shaped
 
 
 def holds(value: Any, *keys: str) -> bool:

@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.untrusted.fields import rate_of
+from robot_retarget.base.untrusted.pickles import dump_pickle
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.orders import body_names, robot_bodies
@@ -18,8 +20,6 @@ from robot_retarget.formats.quaternions import FIRST_LAST, LAST_FIRST
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.robot.kinematics import body_frames
-from robot_retarget.untrusted.fields import rate_of
-from robot_retarget.untrusted.pickles import dump_pickle
 
 
 def write(motion: RobotMotion, path: Path) -> None:

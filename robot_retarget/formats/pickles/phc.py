@@ -11,16 +11,16 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import TrajectoryError
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import TrajectoryError
+from robot_retarget.base.untrusted.fields import rate_of
+from robot_retarget.base.untrusted.pickles import dump_pickle
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.pickles.dictionary import array_in, holds
 from robot_retarget.formats.quaternions import FIRST_LAST, LAST_FIRST
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import TrajectorySource
-from robot_retarget.untrusted.fields import rate_of
-from robot_retarget.untrusted.pickles import dump_pickle
 
 ADDED = 3
 """Rows of zeros behind the joints."""

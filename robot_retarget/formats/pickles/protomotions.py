@@ -9,7 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.untrusted.fields import rate_of
+from robot_retarget.base.untrusted.torch_files import dump_torch
 from robot_retarget.formats.bodies import body_tracks, velocities
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import TrajectoryFormat
@@ -18,8 +20,6 @@ from robot_retarget.formats.pickles.dictionary import array_in, holds
 from robot_retarget.formats.quaternions import FIRST_LAST, LAST_FIRST
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import TrajectorySource
-from robot_retarget.untrusted.fields import rate_of
-from robot_retarget.untrusted.torch_files import dump_torch
 
 
 def write(motion: RobotMotion, path: Path) -> None:

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.errors import TrajectoryError, UsageError, install_line
+from robot_retarget.base.errors import TrajectoryError, UsageError, install_line
+from robot_retarget.base.untrusted.bags import MAGIC, bag_messages
 from robot_retarget.formats.bodies import central
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import TrajectoryFormat
@@ -21,7 +22,6 @@ from robot_retarget.formats.scenes.messages import JOINT_STATE, TRANSFORMS
 from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.formats.text.named_csv import rate
 from robot_retarget.robot.kinematics import body_frames
-from robot_retarget.untrusted.bags import MAGIC, bag_messages
 
 WORLD = "world"
 NANO = 10**9

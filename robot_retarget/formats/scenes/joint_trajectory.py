@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import TrajectoryError, UsageError, install_line
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import TrajectoryError, UsageError, install_line
+from robot_retarget.base.untrusted.limits import BROKEN, one_line, require_tree
 from robot_retarget.formats.bodies import central
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import TrajectoryFormat
@@ -19,7 +20,6 @@ from robot_retarget.formats.pickles.dictionary import array_in, holds
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.formats.text.named_csv import rate
-from robot_retarget.untrusted.limits import BROKEN, one_line, require_tree
 
 NANO = 10**9
 

@@ -9,8 +9,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import TrajectoryError
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import TrajectoryError
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.robot_motion import RobotMotion

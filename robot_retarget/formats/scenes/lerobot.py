@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import TrajectoryError
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import TrajectoryError
+from robot_retarget.base.untrusted.documents import read_json
+from robot_retarget.base.untrusted.fields import shaped
+from robot_retarget.base.untrusted.tables import parquet, parquet_columns
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import TrajectorySource
-from robot_retarget.untrusted.documents import read_json
-from robot_retarget.untrusted.fields import shaped
-from robot_retarget.untrusted.tables import parquet, parquet_columns
 
 VERSION = "v3.0"
 INFO, STATISTICS, TASKS = "meta/info.json", "meta/stats.json", "meta/tasks.parquet"

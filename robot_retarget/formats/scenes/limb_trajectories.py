@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_retarget.errors import TrajectoryError
+from robot_retarget.base.errors import TrajectoryError
+from robot_retarget.base.untrusted.documents import read_text
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.robot_motion import RobotMotion
@@ -16,7 +17,6 @@ from robot_retarget.formats.scenes.joint_trajectory import read_message, write_m
 from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.robot.anatomy import LIMBS, joints_by_limb
 from robot_retarget.robot.recognise import recognise
-from robot_retarget.untrusted.documents import read_text
 
 FILES = tuple(f"{limb}.yaml" for limb in (*LIMBS, "torso"))
 

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 
 import mujoco
 
-from robot_retarget.errors import TrajectoryError, UsageError
+from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.robot_motion import RobotMotion

@@ -11,8 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import TrajectoryError
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import TrajectoryError
+from robot_retarget.base.untrusted.unpack import file_bytes
 from robot_retarget.formats.bodies import body_tracks, velocities
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import TrajectoryFormat
@@ -20,7 +21,6 @@ from robot_retarget.formats.orders import breadth_first_bodies, breadth_first_hi
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.formats.text.rows import NUMBER
-from robot_retarget.untrusted.unpack import file_bytes
 
 METADATA, NAMES, RATE = "metadata.txt", "Joint names:", "Frames per second:"
 JOINTS, PLACES, TURNS = "joint_pos.csv", "body_pos.csv", "body_quat.csv"

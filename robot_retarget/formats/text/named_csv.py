@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import TrajectoryError, known
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import TrajectoryError, known
 from robot_retarget.formats.columns import Columns, joint_called
 from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.robot_motion import RobotMotion

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import TrajectoryError
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import TrajectoryError
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.quaternions import FIRST_LAST, LAST_FIRST

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from robot_retarget.actuators.map import ServoMap, load_map, shipped_maps
-from robot_retarget.errors import TrajectoryError, UsageError, known
+from robot_retarget.base.errors import TrajectoryError, UsageError, known
 from robot_retarget.formats.columns import Columns, joint_called
 from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.options import FormatOptions

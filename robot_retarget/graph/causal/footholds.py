@@ -5,13 +5,13 @@ from math import inf, pi
 
 import numpy as np
 
-from robot_retarget.arrays import Bools, Floats, bearing
+from robot_retarget.base.arrays import Bools, Floats, bearing
+from robot_retarget.base.ramps import smoothstep
 from robot_retarget.graph.context import RetargetContext, StreamFrame
 from robot_retarget.graph.footholds import Soles, Surface, soles_of, surface_under
 from robot_retarget.graph.soles import HEEL, TOE, flattened, lengths, raised, turned
 from robot_retarget.graph.track import HARD
 from robot_retarget.graph.weights import RAMP
-from robot_retarget.ramps import smoothstep
 
 STRAYED = 0.2
 """A foot has stepped if the human moves it farther than this from its foothold, over the leg [-]."""

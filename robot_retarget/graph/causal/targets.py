@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
 from robot_retarget.graph.context import RetargetContext, StreamFrame
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.kind import Kind

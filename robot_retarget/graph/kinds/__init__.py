@@ -3,7 +3,7 @@
 from functools import cache
 from importlib.metadata import entry_points
 
-from robot_retarget.errors import GraphError
+from robot_retarget.base.errors import GraphError
 from robot_retarget.graph.kind import Kind
 from robot_retarget.graph.kinds.clearance import ClearanceKind
 from robot_retarget.graph.kinds.compass import CompassKind

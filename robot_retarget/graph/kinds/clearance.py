@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.arrays import Bools, Floats, Ints, lengths
+from robot_retarget.base.arrays import Bools, Floats, Ints, lengths
 from robot_retarget.graph.kind import (
     Form,
     FrameTargets,

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
-from robot_retarget.arrays import Floats, unit
+from robot_retarget.base.arrays import Floats, unit
 from robot_retarget.graph.kind import (
     AXES,
     Form,

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
 from robot_retarget.graph.kind import Form, Kind, MeasureRows, RetargetContext, RowState, Track, exact
 from robot_retarget.robot.coupling import Coupling as Constraints
 

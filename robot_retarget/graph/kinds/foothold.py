@@ -12,7 +12,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from robot_retarget.arrays import Floats, unit
+from robot_retarget.base.arrays import Floats, unit
 from robot_retarget.graph.causal.footholds import CausalFootholds
 from robot_retarget.graph.footholds import (
     Footholds,

@@ -2,7 +2,7 @@
 
 import casadi as ca
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
 from robot_retarget.graph.kind import Kind, Track, exact
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
 from robot_retarget.graph.kind import AXES, FrameEdges, Kind, Phase, RetargetContext, Track
 from robot_retarget.graph.path import RootScaling, root_scaling_of
 from robot_retarget.graph.phase import PlaybackPhase, StandPhase

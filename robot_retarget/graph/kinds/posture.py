@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints, lengths
+from robot_retarget.base.arrays import Floats, Ints, lengths
 from robot_retarget.graph.kind import SHORTEST, FrameEdges, Kind, RetargetContext, Track
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
 from robot_retarget.graph.weights import Weights

@@ -5,7 +5,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
 from robot_retarget.graph.kind import Kind, Phase, RetargetContext, Track, exact
 from robot_retarget.graph.phase import PlaybackPhase, StandPhase
 from robot_retarget.graph.symbolic_robot import SymbolicRobot

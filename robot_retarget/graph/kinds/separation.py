@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints
+from robot_retarget.base.arrays import Floats, Ints
 from robot_retarget.graph.kind import ClipRows, Form, Kind, RetargetContext, Role, RowStates, Track
 from robot_retarget.graph.track import limit
 from robot_retarget.human.match import Match

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from robot_retarget.arrays import Bools, Floats
+from robot_retarget.base.arrays import Bools, Floats
 from robot_retarget.graph.kind import Form, Kind, Phase, RetargetContext, Track, exact
 from robot_retarget.graph.path import pelvis_path
 from robot_retarget.graph.phase import PlaybackPhase

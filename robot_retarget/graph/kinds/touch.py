@@ -7,14 +7,14 @@ import casadi as ca
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.keypoints import ARM
 from robot_retarget.graph.kind import SHORTEST, FrameTargets, Kind, RetargetContext, StreamFrame, Track
 from robot_retarget.graph.kinds.posture import KeypointPairs, distances
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
 from robot_retarget.graph.weights import RAMP
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.normalisation import path_weights
-from robot_retarget.keypoints import ARM
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from robot_retarget.arrays import ALIGNED, Floats, unit
-from robot_retarget.errors import MatchError
+from robot_retarget.base.arrays import ALIGNED, Floats, unit
+from robot_retarget.base.errors import MatchError
 from robot_retarget.human.recognition.limbs import LimbPair, PosedSkeleton
 
 ARM_TO_LEG = (0.35, 1.3)

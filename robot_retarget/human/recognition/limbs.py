@@ -10,7 +10,7 @@ from itertools import combinations
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, unit
+from robot_retarget.base.arrays import Floats, unit
 from robot_retarget.human.recognition.joint_names import NameEvidence, name_evidence
 from robot_retarget.human.skeleton import Skeleton
 

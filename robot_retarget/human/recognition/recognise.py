@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import MatchError, known
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import MatchError, known
+from robot_retarget.base.keypoints import KEYPOINTS, SIDES
 from robot_retarget.human.recognition.human_check import refuse_other_than_human
 from robot_retarget.human.recognition.limbs import LIMBS, Limb, LimbPair, PosedSkeleton, find_limbs
 from robot_retarget.human.recognition.sides import HEEL, SURE, named_leftness, same_side_first, votes
 from robot_retarget.human.recognition.trunk import find_trunk
 from robot_retarget.human.skeleton import Skeleton
-from robot_retarget.keypoints import KEYPOINTS, SIDES
 
 _WORD = {"chest": "spine"}
 """Keypoints whose part has another name in `joint_names`."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, unit
+from robot_retarget.base.arrays import Floats, unit
 from robot_retarget.human.recognition.limbs import Limb, LimbPair, PosedSkeleton
 
 SURE = 0.3

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.arrays import unit
+from robot_retarget.base.arrays import unit
 from robot_retarget.human.recognition.limbs import SAME, LimbPair, PosedSkeleton
 
 HEAD_ABOVE_SHOULDERS = 0.2

@@ -10,11 +10,11 @@ import struct
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.base.arrays import Floats
+from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.live.faults import Fault, FaultCounter, RefusedError
 from robot_retarget.live.frame import Frame
 from robot_retarget.live.protocols.clock import SenderClock
-from robot_retarget.motion import Skeleton
 
 MAGIC = b"pose"
 HEAD = struct.Struct("<4sHHd")

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import UsageError
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import UsageError
 from robot_retarget.human.kinematics import backward
+from robot_retarget.human.motion import Motion
 from robot_retarget.human.recognition import Recognition
 from robot_retarget.live.protocols.bones import BONES, OPTIONAL, carriers
-from robot_retarget.motion import Motion
 
 _LIMBS = {
     "UpperArm": "shoulder", "LowerArm": "elbow", "Hand": "hand",

@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import MotionError
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import MotionError
+from robot_retarget.base.untrusted.documents import parse_json
 from robot_retarget.human.kinematics import backward
+from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.live.faults import Fault, FaultCounter, RefusedError
 from robot_retarget.live.frame import Frame
 from robot_retarget.live.protocols.clock import SenderClock
-from robot_retarget.motion import Skeleton
-from robot_retarget.untrusted.documents import parse_json
 
 LONGEST_LINE = 1 << 20
 """Longest line; longer input is dropped [B]."""

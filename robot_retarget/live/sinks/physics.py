@@ -5,14 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
-from robot_retarget.goals import RATE
+from robot_retarget.actuators.goals import RATE
+from robot_retarget.base.arrays import Floats
+from robot_retarget.judge.played import PlayedPlant
+from robot_retarget.judge.rollout import plant_of
 from robot_retarget.live.loop import LivePose
 from robot_retarget.robot import Robot
 from robot_retarget.servo.live import TargetStream
 from robot_retarget.servo.window import ViewerWindow
-from robot_retarget.simulate.played import PlayedPlant
-from robot_retarget.simulate.rollout import plant_of
 
 BEHIND = 0.1
 """Largest lag that the physics makes up for at once [s]; longer lags are dropped."""

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import SceneError, known
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import SceneError, known
 
 COLUMNS = (("Position", "XYZ"), ("Rotation", "WXYZ"))
 """Channels of a pose and their axes, in the order x y z, w x y z."""

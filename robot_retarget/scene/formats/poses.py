@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import SceneError, known
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import SceneError, known
+from robot_retarget.base.untrusted.arrays import load_npz
+from robot_retarget.base.untrusted.fields import rate_of, shaped
+from robot_retarget.base.untrusted.limits import refusing
+from robot_retarget.base.untrusted.pickles import load_pickle
 from robot_retarget.scene.formats import optitrack
-from robot_retarget.untrusted.arrays import load_npz
-from robot_retarget.untrusted.fields import rate_of, shaped
-from robot_retarget.untrusted.limits import refusing
-from robot_retarget.untrusted.pickles import load_pickle
 
 ORDERS = ("wxyz", "xyzw")
 INTERMIMIC = slice(318, 325)

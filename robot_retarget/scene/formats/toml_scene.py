@@ -13,16 +13,16 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
-from robot_retarget.errors import FileError, SceneError, known
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import FileError, SceneError, known
+from robot_retarget.base.untrusted.arrays import load_arrays
+from robot_retarget.base.untrusted.documents import parse_toml, read_text
+from robot_retarget.base.untrusted.limits import refusing
 from robot_retarget.scene.formats import mjcf
 from robot_retarget.scene.formats.poses import ORDERS, PoseTable, read_poses
 from robot_retarget.scene.geoms import read_mesh
 from robot_retarget.scene.scene import FRICTION, RigidBody, Scene
 from robot_retarget.scene.shape import EDGES, BodyShape, ShapeKind, height_field, solid
-from robot_retarget.untrusted.arrays import load_arrays
-from robot_retarget.untrusted.documents import parse_toml, read_text
-from robot_retarget.untrusted.limits import refusing
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "Meters": 1.0, "Centimeters": 0.01, "Millimeters": 0.001}
 """Metres in each unit, by the names of this format and of OptiTrack."""

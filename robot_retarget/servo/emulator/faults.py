@@ -29,7 +29,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from robot_retarget.actuators.control_tables import ENCODER, OVERLOAD, SHOCK
-from robot_retarget.errors import ServoError, known
+from robot_retarget.base.errors import ServoError, known
 from robot_retarget.servo.emulator.device import Device
 from robot_retarget.servo.emulator.network import Network
 from robot_retarget.servo.emulator.world import World

@@ -5,10 +5,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robot_retarget.actuators.control_tables import BAUDS, CENTRE
+from robot_retarget.actuators.feedback.reading import LEVEL
+from robot_retarget.actuators.feedback.sensor import VirtualImu
 from robot_retarget.actuators.map import ServoMap
-from robot_retarget.errors import ServoError
-from robot_retarget.feedback.reading import LEVEL
-from robot_retarget.feedback.sensor import VirtualImu
+from robot_retarget.base.errors import ServoError
+from robot_retarget.base.shipped import MODELS
 from robot_retarget.servo.emulator.device import rested
 from robot_retarget.servo.emulator.network import Network
 from robot_retarget.servo.emulator.opencr import Board
@@ -16,7 +17,6 @@ from robot_retarget.servo.emulator.server import Server
 from robot_retarget.servo.emulator.wire_timing import WireTiming
 from robot_retarget.servo.emulator.world import World
 from robot_retarget.servo.pendulum import Pendulum
-from robot_retarget.shipped import MODELS
 
 if TYPE_CHECKING:
     from robot_retarget.servo.twin import Twin

@@ -17,7 +17,7 @@ from types import FrameType
 from typing import Any
 
 from robot_retarget.actuators.control_tables import BAUDS, XM430_W350
-from robot_retarget.errors import ServoError
+from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.clock import real_time
 from robot_retarget.servo.emulator.faults import FaultInjector, Wire
 from robot_retarget.servo.emulator.network import Network

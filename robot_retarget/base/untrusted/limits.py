@@ -1,0 +1,105 @@
+"""The one table of limits of a file, and the one way in which a broken file is refused."""
+
+import pickle
+import struct
+import tokenize
+import zipfile
+import zlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from robot_retarget.base.errors import FileError
+
+
+@dataclass(frozen=True)
+class FileLimits:
+    """How much of a file is read, and how much it may become in memory."""
+
+    file: int = 2 << 30
+    """Size of a file on the disk, or of all members of a zip [bytes]: two hours of a humanoid of 30 bodies with all velocities at 50 frames per second."""
+    free: int = 32 << 20
+    """Size to which any file may unpack [bytes]: ten minutes of 25 joints, positions and quaternions, at 50 frames per second."""
+    ratio: int = 32
+    """Beyond `free`, how often its own size a file may take in memory [-]; motions pack 2 to 10 times."""
+    depth: int = 64
+    """Of lists and dicts in each other in a pickle; deeper ones are no data."""
+
+    def unpacked(self, path: Path) -> int:
+        """Return the size to which a file may unpack [bytes]."""
+        return min(self.file, self.free + self.ratio * path.stat().st_size)
+
+
+LIMITS = FileLimits()
+BROKEN = (
+    ArithmeticError,
+    AttributeError,
+    EOFError,
+    LookupError,
+    MemoryError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+    struct.error,
+    tokenize.TokenError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+"""Errors of readers of Python and NumPy at unexpected bytes."""
+
+
+@contextmanager
+def refusing(path: Path, what: str) -> Iterator[None]:
+    """Turn every error of a reader at a file into one error.
+
+    Raises:
+        FileError: the file cannot be read, or is no `what`.
+    """
+    try:
+        yield
+    except FileError as error:
+        raise (error if str(path) in str(error) else FileError(f"{path}: {error}")) from error.__cause__
+    except OSError as error:
+        raise FileError(f"cannot read {path}: {error.strerror or error}") from error
+    except pickle.UnpicklingError as error:
+        raise FileError(f"{path}: {one_line(str(error))}") from error
+    except BROKEN as error:
+        raise FileError(f"{path}: not a readable {what}: {one_line(str(error) or type(error).__name__)}") from error
+
+
+def one_line(text: str, length: int = 300) -> str:
+    """Return text of a file as it may be printed: one line of limited length, without control characters."""
+    plain = "".join(c if c.isprintable() else " " for c in text[: length + 1])
+    return plain[:length] + ("…" if len(plain) > length else "")
+
+
+def too_large(path: Path, limit: int) -> FileError:
+    """Return the error about a file that would unpack to more than its limit [bytes]."""
+    return FileError(f"{path}: unpacks to more than {limit} bytes; a motion of this file size is not that large")
+
+
+def require_tree(value: Any, elements: int, limit: int = LIMITS.free) -> None:
+    """Require that a value is as large as its file says when it is written out: nothing in itself, no part many times.
+
+    Args:
+        elements: most elements that lists and dicts may have together, the length of the file.
+        limit: largest size of its arrays [bytes].
+
+    Raises:
+        ValueError: it has more elements or bytes, is nested too deeply, or holds an integer of more than 64 bits.
+    """
+    left, elements = [(value, 0)], elements + 1
+    while left:
+        one, depth = left.pop()
+        elements -= 1
+        limit -= getattr(one, "nbytes", 0)
+        if elements < 0 or limit < 0 or depth > LIMITS.depth:
+            raise ValueError("lists and dicts that hold themselves, or the same part many times")
+        if isinstance(one, Mapping):
+            left += [(part, depth + 1) for pair in one.items() for part in pair]
+        elif isinstance(one, list | tuple | set | frozenset):
+            left += [(part, depth + 1) for part in one]
+        elif isinstance(one, int) and one.bit_length() > 64:
+            raise ValueError(f"an integer of {one.bit_length()} bits")

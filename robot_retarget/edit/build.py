@@ -1,0 +1,185 @@
+"""Sequences and splices of a robot's trajectories: the robot performs them, and follows its own performance.
+
+The forward kinematics of the trajectories are composed into one motion, which is described as a graph and solved like any
+other. Frames outside the seams do not change.
+"""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import TrajectoryError, UsageError
+from robot_retarget.base.ramps import JERK_PEAK
+from robot_retarget.edit.compose import joined, retimed, spliced
+from robot_retarget.edit.seam import Seam, found_seam
+from robot_retarget.formats import load_trajectory
+from robot_retarget.human.motion import Motion
+from robot_retarget.human.robot_performer import performed
+from robot_retarget.robot import Robot, as_robot
+from robot_retarget.robot.timing import resample
+from robot_retarget.solver.balance.balance import balance_modes
+from robot_retarget.solver.pipeline import carried
+from robot_retarget.solver.result import Result
+from robot_retarget.trajectory import Trajectory
+
+FADE = 0.4
+"""Least duration of a seam by default [s]: that of a quick step."""
+SHARE = 0.5
+"""Share of a joint's speed that a seam of the default duration uses: the clips move in addition."""
+
+
+def sequence(
+    clips: Sequence[Trajectory | str | Path],
+    robot: Robot | str | Path,
+    *,
+    at: Sequence[tuple[float, float] | None] = (),
+    best: bool = False,
+    fade: float | None = None,
+    speed: float = 1.0,
+    legs: str = "auto",
+    balance: str = "auto",
+    **options: Any,
+) -> Result:
+    """Return trajectories one after the other, with seams that are solved as any motion.
+
+    Each clip continues at the place and heading of the foot on which the one before ends. During a seam the targets of both
+    clips fade into each other; balance steps where a foot must go elsewhere.
+
+    Args:
+        clips: trajectories of the robot, or files that `load_trajectory` reads.
+        robot: a robot, or a name or model file that `load_robot` loads.
+        at: per seam the time at which the clip before is left and that at which the clip after is entered [s]; None, and seams
+            beyond the last entry, take the end and the beginning.
+        best: move every seam to the best frames within `seam.NEAR`.
+        fade: duration of a seam [s]; by default as long as the joints need, `FADE` at least.
+        speed: factor of the speed [-].
+        legs: `auto`, `follow` or `stand`, with balance.
+        balance: `auto`, `static`, `dynamic` or `off`.
+        options: further ones of `transfer`: `fps`, `weights`, `preset`, `progress`.
+
+    Raises:
+        UsageError: no clip, a seam outside its clips, or a duration or speed that is not positive.
+        TrajectoryError: a clip belongs to another robot, or two do not fit together at their seam; the message has the reasons
+            and the best frames near it.
+    """
+    model = as_robot(robot)
+    if not clips:
+        raise UsageError("a sequence needs a clip")
+    for what, value in (("duration of a seam", fade), ("speed", speed)):
+        if value is not None and not (np.isfinite(value) and value > 0):
+            raise UsageError(f"the {what} must be positive, got {value:g}")
+    if len(at) >= len(clips):
+        raise UsageError(f"{len(at)} seams were given, {len(clips)} clips have {len(clips) - 1}")
+    planned = bool(balance_modes(model, legs, balance))
+    parts = _parts(clips, model)
+    wanted = [*at, *[None] * (len(parts) - 1 - len(at))]
+    seams = [
+        _seam(model, before, after, times, fade, planned, best)
+        for before, after, times in zip(parts[:-1], parts[1:], wanted, strict=True)
+    ]
+    motion = joined([part.motion for part in parts], seams)
+    if planned:
+        motion = motion.frames(parts[0].lead_in, len(motion) - parts[-1].lead_out)
+    return carried(retimed(motion, speed) if speed != 1 else motion, model, legs=legs, balance=balance, **options)
+
+
+def splice(
+    legs: Trajectory | str | Path,
+    arms: Trajectory | str | Path,
+    robot: Robot | str | Path,
+    *,
+    balance: str = "auto",
+    **options: Any,
+) -> Result:
+    """Return a trajectory with the legs, trunk and head of one and the arms of another, solved as any motion.
+
+    Arms keep their pose relative to the chest. The result lasts as long as the legs; arms that end before hold their last pose.
+
+    Args:
+        legs: a trajectory of the robot, or a file that `load_trajectory` reads.
+        arms: another.
+        robot: a robot, or a name or model file that `load_robot` loads.
+        balance: `auto`, `static`, `dynamic` or `off`.
+        options: further ones of `transfer`: `fps`, `weights`, `preset`, `progress`.
+
+    Raises:
+        TrajectoryError: a trajectory belongs to another robot.
+    """
+    model = as_robot(robot)
+    lower, upper = _parts([legs, arms], model)
+    motion = spliced(lower.motion, upper.motion)
+    if balance_modes(model, "auto", balance):
+        motion = motion.frames(lower.lead_in, len(motion) - lower.lead_out)
+    return carried(motion, model, balance=balance, **options)
+
+
+@dataclass(frozen=True)
+class Part:
+    """A trajectory of a sequence, and the robot's performance of it."""
+
+    trajectory: Trajectory
+    motion: Motion
+
+    @property
+    def lead_in(self) -> int:
+        """Frames from the stand of a balanced playback to the clip: balance adds new ones."""
+        return _still(self.trajectory.source_time) if self.trajectory.balance else 0
+
+    @property
+    def lead_out(self) -> int:
+        """Frames from the clip to the stand."""
+        return _still(self.trajectory.source_time[::-1]) if self.trajectory.balance else 0
+
+
+def _still(times: Floats) -> int:
+    """Return the number of frames before the time of the source first changes; 0 if it never does."""
+    moving = np.flatnonzero(times != times[0])
+    return int(moving[0]) - 1 if moving.size else 0
+
+
+def _parts(clips: Sequence[Trajectory | str | Path], robot: Robot) -> list[Part]:
+    """Return trajectories and performances at the rate of the first."""
+    read = [clip if isinstance(clip, Trajectory) else load_trajectory(clip, robot) for clip in clips]
+    even = [clip if clip.fps == read[0].fps else resample(clip, robot, read[0].fps) for clip in read]
+    return [Part(clip, performed(clip, robot)) for clip in even]
+
+
+def _seam(
+    robot: Robot,
+    before: Part,
+    after: Part,
+    times: tuple[float, float] | None,
+    fade: float | None,
+    balanced: bool,
+    best: bool,
+) -> Seam:
+    """Return the seam of two parts at times [s]; by default where the clips end and begin, else in their stands."""
+    fps, last = before.motion.fps, len(before.motion) - 1
+    frames = [(last - before.lead_out, after.lead_in), (last, 0)] if times is None else [_at(times, fps)]
+
+    def found(leave: int, enter: int) -> Seam:
+        length = fade or max(FADE, _time_of_joints(robot, before, after, leave, enter))
+        return found_seam(before.motion, after.motion, leave, enter, max(1, round(length * fps)), balanced, best)
+
+    for pair in frames[:-1]:
+        with suppress(TrajectoryError, UsageError):
+            return found(*pair)
+    return found(*frames[-1])
+
+
+def _at(times: tuple[float, float], fps: float) -> tuple[int, int]:
+    return round(times[0] * fps), round(times[1] * fps)
+
+
+def _time_of_joints(robot: Robot, before: Part, after: Part, leave: int, enter: int) -> float:
+    """Return the time that the joints need from one pose to the other at `SHARE` of their speed [s]."""
+    poses = [
+        part.trajectory.qpos[np.clip(k, 0, len(part.motion) - 1), robot.qpos_index]
+        for part, k in ((before, leave), (after, enter))
+    ]
+    return JERK_PEAK * float((np.abs(poses[0] - poses[1]) / (SHARE * robot.max_speed)).max(initial=0.0))

@@ -1,0 +1,88 @@
+"""C3D files of labelled markers: joint centres by published regressions (`markers`)."""
+
+import importlib.util
+import struct
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.base.errors import MotionError, install_line
+from robot_retarget.base.untrusted.arrays import load_npz
+from robot_retarget.human.capture import Capture
+from robot_retarget.human.readers.c3d import child
+from robot_retarget.human.readers.file_header import FileHeader
+from robot_retarget.human.readers.markers.labelled import UNITS, LabelledPoints, captured, title_of
+from robot_retarget.human.readers.request import Request
+
+_BIG_ENDIAN = 86
+"""The kind of processor whose numbers begin with their highest byte."""
+
+
+def matches_format(header: FileHeader) -> bool:
+    """Whether a file begins as C3D does: the block of its parameters, then 0x50."""
+    return len(header.head) >= 512 and header.head[1] == 0x50 and b"\0" in header.head[:512]
+
+
+def read(path: Path, request: Request) -> Capture:
+    """Read the markers of a C3D file and compute joint centres from them.
+
+    Raises:
+        MotionError: broken, no points, a unit that is not known, or a marker set without joint regressions; says
+            which are missing.
+    """
+    titles, points, stored = _points(path)
+    capture = captured(LabelledPoints(titles, points, stored), path, request)
+    if (announced := _announced(path)) > len(points):
+        raise MotionError(f"truncated: {len(points)} of {announced} frames are present", path)
+    return capture
+
+
+def _points(path: Path) -> tuple[list[tuple[str, str]], Any, float | None]:
+    """Each point's subject and label, the points (T, M, 3) in metres, NaN where lost, and their rate [1/s]."""
+    stated = _decoded(path)
+    points = np.moveaxis(stated["points"], 0, 2).transpose(1, 0, 2)
+    if not points.size:
+        raise MotionError("POINT: it holds no points over time", path)
+    points[(points == 0).all(axis=2)] = np.nan
+    titles = [title_of(label) for label in stated["labels"].tolist()]
+    titles = [*titles, *[("", "")] * points.shape[1]][: points.shape[1]]
+    rate = stated["rate"][stated["rate"] > 0]
+    return titles, points * _unit(stated["units"].tolist(), path), float(rate[0]) if rate.size else None
+
+
+def _decoded(path: Path) -> dict[str, np.ndarray]:
+    """The points and parameters of a file, decoded in another process.
+
+    Raises:
+        MotionError: ezc3d is not installed, or refuses the file, or crashes at it.
+    """
+    if importlib.util.find_spec("ezc3d") is None:
+        raise MotionError(f"C3D files need ezc3d: {install_line('c3d')}", path)
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "points.npz"
+        command = [sys.executable, child.__file__, str(path.absolute()), str(out)]
+        done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
+        if done.returncode == child.BROKEN:
+            raise MotionError(f"not a C3D file that can be read: {done.stderr.strip().splitlines()[-1]}", path)
+        if done.returncode != 0:
+            raise MotionError("not a C3D file that can be read: ezc3d crashes at it, so its counts are broken", path)
+        return dict(load_npz(out).items())
+
+
+def _announced(path: Path) -> int:
+    """The number of frames by the header; ezc3d replaces it by the number of frames in the data."""
+    data = path.read_bytes()
+    kind = data[512 * (data[0] - 1) + 3]
+    first, last = struct.unpack_from(">HH" if kind == _BIG_ENDIAN else "<HH", data, 6)
+    return last - first + 1
+
+
+def _unit(stated: list[str], path: Path) -> float:
+    units = {unit.strip().lower() for unit in stated} - {""} or {"mm"}
+    if len(units) > 1 or not units <= UNITS.keys():
+        raise MotionError(f"POINT:UNITS: expected one of {', '.join(UNITS)}, found {', '.join(sorted(units))}", path)
+    return UNITS[units.pop()]

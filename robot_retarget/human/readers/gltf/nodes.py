@@ -1,0 +1,201 @@
+"""The nodes of a glTF file over time: keyed places, turns and sizes, put together from the root down."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from robot_retarget.base.arrays import Floats
+from robot_retarget.human.readers.gltf.container import GltfFile
+
+WIDTHS = {"translation": 3, "rotation": 4, "scale": 3}
+_REST = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}
+_QUATERNION = 0.5
+"""Least length of a quaternion that represents a rotation."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """The keys of one property of a node."""
+
+    times: Floats
+    """(N,) [s], rising."""
+    values: Floats
+    """(N, W), or (N, 3, W) of a spline: slope before, value, slope after. Turns are x y z w."""
+    interpolation: str
+
+    def at(self, times: Floats, turns: bool) -> Floats:
+        """(T, W) at (T,) times, the ends held beyond them."""
+        t = np.clip(times, self.times[0], self.times[-1])
+        if self.interpolation == "STEP" or len(self.times) == 1:
+            plain = self.values if self.values.ndim == 2 else self.values[:, 1]
+            return plain[np.searchsorted(self.times, t + 1e-6, side="right") - 1]
+        if self.values.ndim == 3:
+            before, values, after = self.values[:, 0], self.values[:, 1], self.values[:, 2]
+            return _spline(self.times, before, values, after, t)
+        if turns:
+            return Slerp(self.times, Rotation.from_quat(self.values))(t).as_quat()
+        return np.stack([np.interp(t, self.times, column) for column in self.values.T], axis=1)
+
+
+Keys = Mapping[tuple[int, str], Channel]
+"""Of an animation, by node and property."""
+
+
+@dataclass(frozen=True)
+class Nodes:
+    """The tree of nodes and where each is at rest."""
+
+    file: GltfFile
+    parents: tuple[int, ...]
+
+    @classmethod
+    def of(cls, file: GltfFile) -> "Nodes":
+        """Find every node's parent.
+
+        Raises:
+            MotionError: a child that is no node, or nodes in a ring.
+        """
+        nodes = file.listed("nodes")
+        parents = [-1] * len(nodes)
+        for index, node in enumerate(nodes):
+            for child in node.get("children", []):
+                if not isinstance(child, int) or not 0 <= child < len(nodes):
+                    raise file.error(f"nodes[{index}].children", f"node {child} is not there")
+                parents[child] = index
+        found = cls(file, tuple(parents))
+        for index in range(len(nodes)):
+            found.above(index)
+        return found
+
+    def above(self, node: int) -> list[int]:
+        """A node and all that carry it, up to the root.
+
+        Raises:
+            MotionError: the nodes form a ring.
+        """
+        path = [node]
+        while (parent := self.parents[path[-1]]) >= 0:
+            if len(path) > len(self.parents):
+                raise self.file.error(f"nodes[{node}]", "its parents form a ring")
+            path.append(parent)
+        return path
+
+    def nearest_above(self, node: int, chosen: Sequence[int]) -> int:
+        """Which of the chosen nodes carries a node, by its place among them; −1 for none.
+
+        Raises:
+            MotionError: the node is not there.
+        """
+        if not isinstance(node, int) or not 0 <= node < len(self.parents):
+            raise self.file.error("joints", f"node {node} is not there")
+        return next((list(chosen).index(one) for one in self.above(node)[1:] if one in chosen), -1)
+
+    def keys(self, animation: Mapping[str, Any], where: str) -> dict[tuple[int, str], Channel]:
+        """The tracks of an animation that place, turn or size a node.
+
+        Raises:
+            MotionError: a field is missing, keys that do not rise in time, values of another width, or no track.
+        """
+        tracks: dict[tuple[int, str], Channel] = {}
+        samplers = animation.get("samplers", [])
+        for index, channel in enumerate(animation.get("channels", [])):
+            target, at = channel.get("target", {}), f"{where}.channels[{index}]"
+            node, path = target.get("node"), target.get("path")
+            if path not in WIDTHS or node is None:
+                continue
+            sampler = channel.get("sampler")
+            if not isinstance(sampler, int) or not 0 <= sampler < len(samplers) or not 0 <= node < len(self.parents):
+                raise self.file.error(at, f"sampler {sampler} or node {node} is not there")
+            tracks[node, path] = self._track(samplers[sampler], path, at)
+        if not tracks:
+            raise self.file.error(where, "no channel that places or turns a node")
+        return tracks
+
+    def _track(self, sampler: Mapping[str, Any], path: str, where: str) -> Channel:
+        times = self.file.numbers(sampler.get("input"), f"{where} input")[:, 0]
+        values = self.file.numbers(sampler.get("output"), f"{where} output")
+        way = str(sampler.get("interpolation", "LINEAR"))
+        if way == "CUBICSPLINE" and len(values) == 3 * len(times):
+            values = values.reshape(len(times), 3, -1)
+        if len(values) != len(times) or values.shape[-1] != WIDTHS[path]:
+            shape = f"{len(times)} keys of {WIDTHS[path]} numbers"
+            raise self.file.error(where, f"{path}: expected {shape}, found {values.shape}")
+        if not (np.isfinite(times).all() and np.isfinite(values).all() and np.all(np.diff(times) > 0)):
+            raise self.file.error(where, f"{path}: expected finite keys that rise in time")
+        if path == "rotation" and way != "CUBICSPLINE" and not np.all(np.linalg.norm(values, axis=-1) > _QUATERNION):
+            raise self.file.error(where, "rotation: expected unit quaternions x y z w")
+        return Channel(times, values, way)
+
+    def world(self, keys: Keys, joints: Sequence[int], times: Floats) -> tuple[Floats, Floats]:
+        """Places (T, J, 3) and turns (T, J, 4) w x y z of nodes in the scene; no keys give the rest.
+
+        x_j = M_p t_j with M the product of place, turn and size from the root down; a size turns nothing.
+        """
+        matrices: dict[int, Floats] = {-1: np.tile(np.eye(4), (len(times), 1, 1))}
+        turns: dict[int, Rotation] = {-1: Rotation.identity(len(times))}
+        for joint in joints:
+            for node in reversed(self.above(joint)):
+                if node not in matrices:
+                    place, turn, size = self._local(node, keys, times)
+                    above = self.parents[node]
+                    matrices[node] = matrices[above] @ _matrix(place, turn, size)
+                    turns[node] = turns[above] * turn
+        placed = np.stack([matrices[joint][:, :3, 3] for joint in joints], axis=1)
+        return placed, np.stack([turns[joint].as_quat(scalar_first=True) for joint in joints], axis=1)
+
+    def _local(self, node: int, keys: Keys, times: Floats) -> tuple[Floats, Rotation, Floats]:
+        """Place (T, 3), turn and size (T, 3) of a node in its parent."""
+        rest = self._rest(node)
+        found = {}
+        for path, width in WIDTHS.items():
+            track = keys.get((node, path))
+            values = np.broadcast_to(rest[path], (len(times), width)) if track is None else track.at(times, width == 4)
+            found[path] = values
+        try:
+            turn = Rotation.from_quat(found["rotation"])
+        except ValueError as error:
+            raise self.file.error(f"nodes[{node}].rotation", str(error)) from error
+        return found["translation"], turn, found["scale"]
+
+    def _rest(self, node: int) -> dict[str, Floats]:
+        """The three properties of a node without keys."""
+        entry = self.file.listed("nodes")[node]
+        if "matrix" in entry:
+            return _parts(np.array(entry["matrix"], dtype=float).reshape(4, 4).T)
+        rest = {path: np.array(entry.get(path) or default, dtype=float) for path, default in _REST.items()}
+        for path, value in rest.items():
+            if value.shape != (WIDTHS[path],) or not np.isfinite(value).all():
+                raise self.file.error(f"nodes[{node}].{path}", f"expected {WIDTHS[path]} finite numbers")
+        return rest
+
+
+def _matrix(place: Floats, turn: Rotation, size: Floats) -> Floats:
+    matrix = np.tile(np.eye(4), (len(place), 1, 1))
+    matrix[:, :3, :3] = turn.as_matrix() * size[:, None, :]
+    matrix[:, :3, 3] = place
+    return matrix
+
+
+def _parts(matrix: Floats) -> dict[str, Floats]:
+    """Place, turn and size of a matrix (4, 4) without shear."""
+    size = np.linalg.norm(matrix[:3, :3], axis=0)
+    if np.linalg.det(matrix[:3, :3]) < 0:
+        size = -size
+    turn = Rotation.from_matrix(matrix[:3, :3] / size).as_quat()
+    return {"translation": matrix[:3, 3], "rotation": turn, "scale": size}
+
+
+def _spline(times: Floats, before: Floats, values: Floats, after: Floats, t: Floats) -> Floats:
+    """(T, W) of cubic pieces whose slopes into and out of a key differ."""
+    from scipy.interpolate import CubicHermiteSpline
+
+    piece = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
+    out = np.empty((len(t), values.shape[1]))
+    for k in np.unique(piece):
+        ends = slice(k, k + 2)
+        curve = CubicHermiteSpline(times[ends], values[ends], np.stack([after[k], before[k + 1]]))
+        out[piece == k] = curve(t[piece == k])
+    return out

@@ -1,0 +1,133 @@
+"""Landmarks as text: FreeMoCap's tables, wide and long, and MediaPipe's results as JSON."""
+
+import csv
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import MotionError
+from robot_retarget.base.untrusted import documents
+
+MOST_FRAMES = 10**6
+"""Of a table that says its frames' numbers: nine hours at 30 frames a second."""
+Table = dict[str, Floats]
+"""The paths (T, 3) of landmarks by name, NaN where lost."""
+_BODY = ("body_", "mediapipe_body_", "pose_")
+_WORLD = ("worldLandmarks", "poseWorldLandmarks", "pose_world_landmarks", "world_landmarks", "landmarks", "keypoints")
+
+
+def read_csv(path: Path, names: Sequence[str]) -> tuple[Table, float | None]:
+    """A table with columns `nose_x, nose_y, nose_z, …` (or `body_nose_x`), or a row a landmark with `keypoint, x, y, z`.
+
+    Raises:
+        MotionError: none of both, a row of another width, or no number; names the line.
+    """
+    with path.open(encoding="utf-8-sig", newline="", errors="replace") as file:
+        rows = csv.reader(file)
+        try:
+            header = [word.strip().lower() for word in next(rows, [])]
+            long = {"frame", "keypoint", "x", "y", "z"} <= set(header)
+            return (_long if long else _wide)(header, rows, path, names)
+        except csv.Error as error:
+            raise MotionError(f"not a table: {error}", path, rows.line_num) from error
+
+
+def _wide(header: list[str], rows: Iterable[list[str]], path: Path, names: Sequence[str]) -> tuple[Table, float | None]:
+    columns: dict[str, list[int]] = {}
+    for name in names:
+        for prefix in ("", *_BODY):
+            wanted = [f"{prefix}{name}_{axis}" for axis in "xyz"]
+            if all(word in header for word in wanted):
+                columns[name] = [header.index(word) for word in wanted]
+    if not columns:
+        raise MotionError("expected columns such as left_hip_x, left_hip_y, left_hip_z", path, 1)
+    places = [column for three in columns.values() for column in three]
+    values = [[_number(row, at, path, line) for at in places] for line, row in _lines(rows, header, path)]
+    if not values:
+        raise MotionError("no frames after the header", path, 2)
+    table = np.array(values).reshape(len(values), len(columns), 3)
+    return {name: table[:, k] for k, name in enumerate(columns)}, None
+
+
+def _long(header: list[str], rows: Iterable[list[str]], path: Path, names: Sequence[str]) -> tuple[Table, float | None]:
+    at = {word: header.index(word) for word in ("frame", "keypoint", "x", "y", "z")}
+    places: dict[str, dict[int, list[float]]] = {}
+    last = -1
+    for line, row in _lines(rows, header, path):
+        name = row[at["keypoint"]].strip().lower()
+        name = next((name.removeprefix(prefix) for prefix in _BODY if name.startswith(prefix)), name)
+        frame = _frame_number(row[at["frame"]], path, line)
+        last = max(last, frame)
+        if name in names:
+            places.setdefault(name, {})[frame] = [_number(row, at[axis], path, line) for axis in "xyz"]
+    table = {name: np.full((last + 1, 3), np.nan) for name in places}
+    for name, path_of in places.items():
+        table[name][list(path_of)] = list(path_of.values())
+    return table, None
+
+
+def _frame_number(word: str, path: Path, line: int) -> int:
+    if not word.strip().isdecimal() or int(word) >= MOST_FRAMES:
+        raise MotionError(f"frame: expected a whole number from 0 to {MOST_FRAMES}, found {word[:40]!r}", path, line)
+    return int(word)
+
+
+def _lines(rows: Iterable[list[str]], header: list[str], path: Path) -> Iterator[tuple[int, list[str]]]:
+    """The rows that hold something, with their lines."""
+    for line, row in enumerate(rows, 2):
+        if not any(word.strip() for word in row):
+            continue
+        if len(row) != len(header):
+            raise MotionError(f"expected {len(header)} columns as in the header, found {len(row)}", path, line)
+        yield line, row
+
+
+def _number(row: Sequence[str], column: int, path: Path, line: int) -> float:
+    """A number, NaN where the cell is empty."""
+    word = row[column].strip()
+    try:
+        return float(word) if word else np.nan
+    except ValueError:
+        raise MotionError(f"column {column + 1}: expected a number, found {word[:40]!r}", path, line) from None
+
+
+def read_json(path: Path, names: Sequence[str]) -> tuple[Table, float | None]:
+    """Frames of landmarks `{x, y, z}` in the order of the model, a list or under `frames`; `fps` is read where it stands.
+
+    Raises:
+        MotionError: no JSON, no frames, or a frame with another number of landmarks; names the frame.
+    """
+    content = documents.read_json(path, MotionError)
+    fps = content.get("fps") if isinstance(content, dict) else None
+    lists = [content, *(content.values() if isinstance(content, dict) else ())]
+    frames = next((value for value in lists if isinstance(value, list)), [])
+    if not frames:
+        raise MotionError("expected a list of frames of landmarks", path)
+    places = np.array([_frame(frame, k, len(names), path) for k, frame in enumerate(frames)])
+    if fps is not None and (not isinstance(fps, int | float) or fps <= 0):
+        raise MotionError(f"fps: expected a positive number, found {fps!r}", path)
+    return {name: places[:, k] for k, name in enumerate(names)}, fps
+
+
+def _frame(frame: Any, index: int, count: int, path: Path) -> list[list[float]]:
+    """The landmarks of the first person in one frame; empty without a person."""
+    marks = next((frame[key] for key in _WORLD if key in frame), None) if isinstance(frame, Mapping) else frame
+    if isinstance(marks, list) and len(marks) < count and marks and isinstance(marks[0], list):
+        marks = marks[0]
+    if marks is None or marks == []:
+        return [[np.nan] * 3] * count
+    if not isinstance(marks, list) or len(marks) != count:
+        found = len(marks) if isinstance(marks, list) else "none"
+        raise MotionError(f"frame {index}: expected {count} landmarks, found {found}", path)
+    try:
+        return [_place(mark) for mark in marks]
+    except (LookupError, TypeError, ValueError) as error:
+        raise MotionError(f"frame {index}: expected x, y and z of every landmark ({error})", path) from error
+
+
+def _place(mark: Any) -> list[float]:
+    """x, y and z of a landmark, by name or in that order."""
+    return [float(mark[key]) for key in (("x", "y", "z") if isinstance(mark, Mapping) else (0, 1, 2))]

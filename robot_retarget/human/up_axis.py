@@ -1,0 +1,183 @@
+"""The up axis of a file, from all evidence, with a margin.
+
+Each kind of evidence gives every signed axis a score, a log-likelihood up to a constant; the scores add up. A body that
+lies through the whole clip is still known by the height of its floor, its rest pose, the custom of files and its flights.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.constants import g
+from scipy.ndimage import correlate1d
+
+from robot_retarget.base.arrays import ALIGNED, Floats, unit
+from robot_retarget.human.capture import Capture
+from robot_retarget.human.recognition.recognise import Recognition
+from robot_retarget.human.skeleton import Skeleton
+from robot_retarget.human.stance import StanceRule
+from robot_retarget.human.stature import leg_length
+
+AXES = ("+x", "+y", "+z", "-x", "-y", "-z")
+CUSTOM = ("+y", "+z", "+x", "-x", "-y", "-z")
+"""Axes that files have up, the usual ones first; none has an axis that points down."""
+SEGMENTS = {
+    ("pelvis", "chest"): 0.497, ("neck", "head"): 0.081,
+    ("hip", "knee"): 0.1, ("knee", "ankle"): 0.0465, ("ankle", "toe"): 0.0145,
+    ("shoulder", "elbow"): 0.028, ("elbow", "hand"): 0.022,
+}  # fmt: skip
+"""Shares of the body's mass between two keypoints; per side for paired segments [Winter2009]."""
+
+
+@dataclass(frozen=True)
+class UpAxisRule:
+    """How much each kind of evidence counts, in natural units of a log-likelihood; lengths in leg lengths."""
+
+    strong: float = 4.0
+    """Of evidence that fails in one clip of fifty: the head is over the ankles, the lowest point of the body keeps its
+    height (per leg length), a flight is a free fall."""
+    floor: float = 3.5
+    """Of a lowest point that begins at 0; less than the posture, as points may be relative to the pelvis."""
+    weak: float = 1.5
+    """Of evidence that fails in one file of five: the head is over the ankles in the rest pose, x does not point up."""
+    near: float = 0.2
+    """Height within which the lowest point of a clip begins at 0."""
+    airborne: float = StanceRule.flight
+    """Duration of a flight that counts fully [s]."""
+    free: float = 0.25
+    """Share of gravity by which the acceleration of a free fall may differ from it [-]."""
+    doubt: float = 2.3
+    """A lead over the second best axis below this is reported: odds of less than 10 to 1."""
+    tie: float = 0.2
+    """A lead below this is a tie."""
+
+
+@dataclass(frozen=True)
+class UpAxis:
+    """The axis that points up, and what speaks for it."""
+
+    axis: str
+    second: str
+    margin: float
+    """Lead of the best axis over the second: the logarithm of the odds."""
+    evidence: dict[str, Floats]
+    """(6,) per kind, in the order of `AXES`."""
+
+    @property
+    def share(self) -> float:
+        """The odds of the best axis against the second as a probability."""
+        return float(1 / (1 + np.exp(-self.margin)))
+
+    @property
+    def reasons(self) -> str:
+        """The kinds of evidence by which the best axis leads, and those by which it falls behind."""
+        best, second = AXES.index(self.axis), AXES.index(self.second)
+        lead = {kind: float(score[best] - score[second]) for kind, score in self.evidence.items()}
+        for_it = [kind for kind in sorted(lead, key=lambda k: -lead[k]) if lead[kind] > 0.5]
+        against = [kind for kind in sorted(lead, key=lambda k: lead[k]) if lead[kind] < -0.5]
+        sentence = f"for {self.axis}: {', '.join(for_it) or 'nothing'}"
+        return f"{sentence}; for {self.second}: {', '.join(against)}" if against else sentence
+
+
+def find_up_axis(recognition: Recognition, capture: Capture, metres: float, rule: UpAxisRule | None = None) -> UpAxis:
+    """Score the six signed axes of a file.
+
+    The rest pose counts only for files with rotations: without, the skeleton's offsets are those of a pose of the motion.
+
+    Args:
+        metres: in the file's unit.
+        rule: weights of the evidence.
+    """
+    rule = rule or UpAxisRule()
+    positions = capture.positions
+    leg = leg_length(recognition, positions)
+    keypoints = recognition.place(positions)
+    evidence = {
+        "posture": rule.strong * _signed(_stance(recognition, keypoints).mean(axis=0)),
+        "steady lowest point": -rule.strong * _unsteady(positions, leg),
+        "floor at height 0": rule.floor * _floor_at_zero(positions, leg, rule),
+        "free fall": rule.strong * _flights(recognition, keypoints * metres, capture.fps, rule),
+        "rest pose": rule.weak
+        * (_rest(recognition, capture.skeleton) if capture.rotations is not None else np.zeros(len(AXES))),
+        "custom": -rule.weak / 2 * np.array([min(CUSTOM.index(axis), 3) for axis in AXES]),
+    }
+    total = sum(evidence.values(), np.zeros(len(AXES)))
+    order = np.argsort(-total, kind="stable")
+    margin = float(total[order[0]] - total[order[1]])
+    return UpAxis(AXES[order[0]], AXES[order[1]], margin, evidence)
+
+
+def _signed(along: Floats) -> Floats:
+    """(6,) of a vector: along every axis, then against it."""
+    return np.concatenate([along, -along])
+
+
+def _stance(recognition: Recognition, keypoints: Floats) -> Floats:
+    """(T, 3) directions from the farther ankle to the head, or to the shoulders of a body without a head."""
+    at = recognition.keypoints.index
+    top = ["head"] if "head" in recognition.marks else ["l_shoulder", "r_shoulder"]
+    ways = keypoints[:, [at(k) for k in top]].mean(axis=1)[:, None] - keypoints[:, [at("l_ankle"), at("r_ankle")]]
+    farther = np.linalg.norm(ways, axis=2).argmax(axis=1)
+    return unit(ways[np.arange(len(ways)), farther])
+
+
+def _lowest(positions: Floats) -> Floats:
+    """(T, 6) lowest coordinate of the body along every signed axis."""
+    return np.concatenate([positions.min(axis=1), -positions.max(axis=1)], axis=1)
+
+
+def _unsteady(positions: Floats, leg: float) -> Floats:
+    return _lowest(positions).std(axis=0) / leg
+
+
+def _floor_at_zero(positions: Floats, leg: float, rule: UpAxisRule) -> Floats:
+    """(6,) whether the clip begins at height 0; a thin body that stands astride 0 begins nowhere."""
+    low = StanceRule().floor_height(_lowest(positions), axis=0) / leg
+    near = np.exp(-((low / rule.near) ** 4))
+    return np.maximum(near - np.roll(near, 3), 0.0)
+
+
+def _flights(recognition: Recognition, keypoints: Floats, fps: float, rule: UpAxisRule) -> Floats:
+    """(6,) the longest free fall along every signed axis over `airborne`, 1 at most."""
+    window = 2 * round(rule.airborne * fps / 2) + 1
+    if window < 5 or len(keypoints) < window:
+        return np.zeros(len(AXES))
+    acceleration = _fitted_acceleration(centre_of_mass(recognition, keypoints), window, fps)
+    off = np.linalg.norm(acceleration[:, None] + g * np.concatenate([np.eye(3), -np.eye(3)]), axis=2)
+    falling = off < rule.free * g
+    longest = np.zeros(len(AXES))
+    run = np.zeros(len(AXES))
+    for now in falling:
+        run = (run + 1) * now
+        longest = np.maximum(longest, run)
+    return np.minimum(longest / fps / rule.airborne, 1.0)
+
+
+def _fitted_acceleration(path: Floats, window: int, fps: float) -> Floats:
+    """Return (T, 3) second derivatives of the parabolas that fit a path (T, 3) best in windows of frames [m/s²]."""
+    half = window // 2
+    weights = 2 * fps**2 * np.linalg.pinv(np.vander(np.arange(window) - half, 3))[0]
+    inner = correlate1d(path, weights, axis=0)[half : len(path) - half]
+    return np.pad(inner, ((half, half), (0, 0)), mode="edge")
+
+
+def centre_of_mass(recognition: Recognition, keypoints: Floats) -> Floats:
+    """(T, 3) of keypoints (T, K, 3), from the segments that the body has.
+
+    Args:
+        keypoints: (T, K, 3) [m].
+    """
+    at, total, mass = recognition.keypoints.index, np.zeros(keypoints[:, 0].shape), 0.0
+    for (upper, lower), share in SEGMENTS.items():
+        for side in ("",) if upper in ("pelvis", "neck") else ("l_", "r_"):
+            ends = [side + end for end in (upper, lower) if side + end in recognition.marks]
+            if ends:
+                total += share * keypoints[:, [at(end) for end in ends]].mean(axis=1)
+                mass += share
+    return total / mass
+
+
+def _rest(recognition: Recognition, skeleton: Skeleton) -> Floats:
+    """(6,) how much the head stands over the ankles at rest; 0 where it lies along x, as bones do that are laid out."""
+    along = _stance(recognition, recognition.place(skeleton.rest()[None]))[0]
+    clear = np.abs(along[1:]).max() > ALIGNED
+    return np.maximum(_signed(along * [0.0, 1.0, 1.0]), 0.0) if clear else np.zeros(len(AXES))

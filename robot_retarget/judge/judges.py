@@ -1,0 +1,120 @@
+"""Judges: servos that differ from those for which the goals were computed.
+
+Goals that make up for lag and load fit the servos of the model exactly. Real ones have other gears: published identifications of one servo
+differ by 3 in damping, by 4 in friction and by 38 in armature. A trajectory is judged on the servos with the worst outcome.
+"""
+
+import copy
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from robot_retarget.actuators.goals import Goals
+from robot_retarget.actuators.mechanics import PUBLISHED
+from robot_retarget.base.arrays import Floats
+from robot_retarget.judge.figures import at_frames, fall_figures
+from robot_retarget.judge.goals import Playback
+from robot_retarget.judge.plant import Mode, Plant
+from robot_retarget.judge.servo_model import Drives
+from robot_retarget.judge.stepping import Rollout, roll_out
+from robot_retarget.trajectory import Trajectory
+
+NOMINAL = "as modelled"
+DRAWN = "drawn"
+SPREAD = 2.0
+"""Drawn dampings, frictions and armatures differ from the nominal ones by this factor at most, either way [-]."""
+SEED = 0
+"""Of the drawn servos."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One simulation of a trajectory."""
+
+    judge: str
+    """The name of its servos."""
+    plant: Plant
+    rollout: Rollout
+    worst_rms: float
+    """Tracking error of the worst joint [rad]; infinite if the simulation broke down at once."""
+    rms: float
+    """Tracking error of all joints [rad]."""
+    stopped: float
+    """When the robot fell or the simulation broke down [s]; infinite if neither happened."""
+
+    @property
+    def fell(self) -> bool:
+        """Whether the robot fell or the simulation broke down."""
+        return bool(np.isfinite(self.stopped))
+
+
+def judges(plant: Plant) -> dict[str, Plant]:
+    """Return plants by the name of their servos, the nominal one first."""
+    if plant.drives is None:
+        return {NOMINAL: plant, DRAWN: _drawn_actuators(plant)}
+    others = {name: plant.with_drives(drives) for name, drives in other_drives(plant.drives).items()}
+    return {NOMINAL: plant, **others}
+
+
+def other_drives(drives: Drives) -> dict[str, Drives]:
+    """Return drives with every other published identification of their servos, and with drawn ones."""
+    others = {robot for model in drives.models for robot in list(PUBLISHED.get(model, {}))[1:]}
+    found = {f"as identified on {robot}": _identified_on(robot, drives) for robot in sorted(others)}
+    return {**found, DRAWN: drives.scaled(_factors((3, len(drives.stiffness))))}
+
+
+def run_trials(
+    plants: dict[str, Plant], trajectory: Trajectory, mode: Mode, playback: Playback | None, goals: Goals
+) -> list[Trial]:
+    """Simulate a trajectory on every plant."""
+    rollouts = {name: roll_out(plant, trajectory, mode, playback, goals) for name, plant in plants.items()}
+    return [_trial(name, plants[name], trajectory, rollout, mode) for name, rollout in rollouts.items()]
+
+
+def worst_trial(trials: list[Trial]) -> Trial:
+    """Return the trial that stops first or, if none stops, the one with the largest tracking error of a joint."""
+    return min(trials, key=lambda trial: (trial.stopped, -trial.worst_rms))
+
+
+def trial_figures(trials: list[Trial], chosen: Trial) -> dict[str, object]:
+    """Return the name of the judge, and the tracking errors on all servos."""
+    rounded = {trial.judge: round(trial.rms, 5) if np.isfinite(trial.rms) else None for trial in trials}
+    return {"servos": chosen.judge, "nominal_tracking_rms_rad": rounded[NOMINAL], "tracking_rms_rad_by_servos": rounded}
+
+
+def _trial(name: str, plant: Plant, trajectory: Trajectory, rollout: Rollout, mode: Mode) -> Trial:
+    robot = plant.robot
+    error = at_frames(trajectory, robot, rollout).error[:, plant.driven]
+    worst = float(np.sqrt((error**2).mean(0)).max()) if error.size else np.inf
+    fall = fall_figures(rollout, robot, trajectory)["fall_s"] if mode == "free" else None
+    stops = [time for time in (rollout.unstable, fall) if time is not None]
+    rms = float(np.sqrt((error**2).mean())) if error.size else np.inf
+    return Trial(name, plant, rollout, worst, rms, min(stops, default=np.inf))
+
+
+def _identified_on(robot: str, drives: Drives) -> Drives:
+    """The drives with the identification made on a robot, for those servos that have one."""
+    sets = [PUBLISHED.get(model, {}) for model in drives.models]
+    known = np.array([robot in found for found in sets])
+    chosen = [found.get(robot) or next(iter(PUBLISHED["XM430-W350"].values())) for found in sets]
+    other = drives.with_mechanics(chosen)
+    columns = ("damping", "friction", "armature")
+    return replace(drives, **{name: np.where(known, getattr(other, name), getattr(drives, name)) for name in columns})
+
+
+def _drawn_actuators(plant: Plant) -> Plant:
+    """Return the plant with drawn damping, friction and armature of its joints."""
+    model, dofs = copy.copy(plant.model), plant.dofs
+    damping, friction, armature = _factors((3, len(dofs)))
+    model.dof_damping[dofs] *= damping
+    model.dof_frictionloss[dofs] *= friction
+    model.dof_armature[dofs] *= armature
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+    return replace(plant, model=model)
+
+
+def _factors(shape: tuple[int, int]) -> Floats:
+    """Factors between 1 / SPREAD and SPREAD, even on a logarithmic scale."""
+    bound = np.log(SPREAD)
+    return np.exp(np.random.default_rng(SEED).uniform(-bound, bound, shape))

@@ -1,0 +1,287 @@
+"""The report: figures of a replay and a rollout, and the verdict over them."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robot_retarget import __version__
+from robot_retarget.base.arrays import Floats, frozen
+from robot_retarget.base.errors import UsageError
+from robot_retarget.base.files import write_text
+from robot_retarget.base.notebook import card, data_frame
+from robot_retarget.base.report_file import FORMAT_VERSION, SEAL, content_sha256, sealed
+from robot_retarget.base.shipped import MODELS
+from robot_retarget.base.untrusted.documents import read_json
+from robot_retarget.collision.warn import Warnings
+from robot_retarget.judge.feedback_figures import feedback_figures
+from robot_retarget.judge.figures import (
+    Tracking,
+    at_frames,
+    between_figures,
+    fall_figures,
+    goal_figures,
+    own_contacts,
+    plain_figures,
+    replay_figures,
+    rollout_figures,
+    tracking_figures,
+)
+from robot_retarget.judge.kept_contacts import contact_figures
+from robot_retarget.judge.plant import Mode, Plant
+from robot_retarget.judge.stance import stance_figures, stance_of
+from robot_retarget.judge.stepping import Rollout
+from robot_retarget.judge.thresholds import Thresholds
+from robot_retarget.judge.verdict import Badge, badge_of, judge, unlikeness
+from robot_retarget.judge.warning_score import touches, warning_score
+from robot_retarget.robot.contacts import Contacts
+from robot_retarget.robot.feet import feet_of
+from robot_retarget.robot.stance import Stance, planned_stance
+from robot_retarget.trajectory import Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Report:
+    """The outcome of a simulation: figures, verdict and reasons."""
+
+    verdict: str
+    """`pass` or `fail`."""
+    reasons: tuple[str, ...]
+    """A sentence for each thing that failed; empty for a pass."""
+    figures: Mapping[str, Any]
+    """JSON-able; see `figures.py`."""
+    trajectory_sha256: str
+    """Of the trajectory's file."""
+    robot: str
+    model: str = ""
+    """The robot as `load_robot` takes it: a shipped name, or the path of its model."""
+    version: str = __version__
+    series: Mapping[str, Floats] = field(default_factory=dict)
+    """For plots. At the frames: `time` (F,) [s]; `wanted`, `measured`, `error` and `plain` (F, n) [rad], the last NaN where
+    plain playback had broken down; `torque` (F, n) and `bounds` (n,) [N m]; `simulated` (F, nq). Of standing (`Stance`), as simulated in mode
+    `free`, else as planned, for a robot with feet: `state_time` (N,) [s]; `com`, `zmp` (N, 2) [m]; `com_margin`,
+    `zmp_margin` (N,) [m]; `soles` (N, K, 2) [m] and
+    `down` (N, K)."""
+
+    joint_names: tuple[str, ...] = ()
+    """Of the columns of the series."""
+    thresholds: Thresholds = field(default_factory=Thresholds)
+    unlike: tuple[str, ...] = ()
+    """Differences from the human's motion, a sentence each; they do not fail it."""
+    touches: tuple[tuple[frozenset[str], float], ...] = ()
+    """Pairs of links that touched on the servos, and when [s]."""
+    trajectory: Trajectory | None = None
+    """The trajectory of `trajectory_sha256`, with the judged goals, to be played."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "reasons", tuple(self.reasons))
+        object.__setattr__(self, "series", {name: frozen(values) for name, values in self.series.items()})
+
+    @property
+    def badge(self) -> Badge:
+        """The verdict with its conditions, worded and coloured alike in every output."""
+        return badge_of(self.reasons, self.unlike, self.figures)
+
+    def with_playback(self, played: Mapping[str, Any]) -> "Report":
+        """Return the report with the tracking errors of a playback on a bus."""
+        names = ("tracking_rms_rad", "worst_joint", "worst_joint_rms_rad")
+        return replace(self, figures={**self.figures, **{f"played_{name}": played.get(name) for name in names}})
+
+    def __repr__(self) -> str:
+        why = f": {'; '.join(self.reasons)}" if self.reasons else ""
+        return f"<Report {self.badge.text}, {self.robot}{why}>"
+
+    def _repr_html_(self) -> str:
+        shown = {name: value for name, value in self.figures.items() if isinstance(value, int | float | str)}
+        facts = {name.replace("_", " "): f"{v:.4g}" if isinstance(v, float) else str(v) for name, v in shown.items()}
+        return card(f"{self.robot}: {self.badge.text}", facts, (*self.reasons, *self.unlike))
+
+    def to_frame(self) -> Any:
+        """Return the motion of the servos as a pandas DataFrame: columns (wanted | measured | error [rad] | torque [N m], joint).
+
+        Raises:
+            UsageError: pandas is not installed.
+        """
+        kinds = [kind for kind in ("wanted", "measured", "error", "torque") if kind in self.series]
+        columns = {(kind, joint): self.series[kind][:, k] for kind in kinds for k, joint in enumerate(self.joint_names)}
+        return data_frame(columns, self.series.get("time", np.zeros(0)))
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Report":
+        """Read verdict and figures from `report.json`; a report holds no series there.
+
+        Raises:
+            UsageError: it is no report, was edited, or is of another version.
+        """
+        content = read_json(path, UsageError)
+        if not isinstance(content, dict) or content.get("format_version") != FORMAT_VERSION:
+            raise UsageError(f"{path} is no report of format {FORMAT_VERSION}")
+        if content.get(SEAL) != content_sha256(content):
+            raise UsageError(f"{path} was edited since it was written")
+        try:
+            return cls(
+                content["verdict"], tuple(content["reasons"]), content["figures"], content["trajectory_sha256"],
+                content["robot"], content.get("model", ""), content["version"], unlike=tuple(content["unlike"] or ()),
+            )  # fmt: skip
+        except (KeyError, TypeError) as error:
+            raise UsageError(f"{path}: no report: it lacks {error}") from None
+
+    def contract(self) -> dict[str, Any]:
+        """Return the content of `report.json`, sealed."""
+        return sealed(
+            {
+                "verdict": self.verdict,
+                "reasons": list(self.reasons),
+                "figures": dict(self.figures),
+                "trajectory_sha256": self.trajectory_sha256,
+                "robot": self.robot,
+                "version": self.version,
+                "format_version": FORMAT_VERSION,
+                "unlike": list(self.unlike) if self.badge.compared else None,
+                "badge": self.badge.contract(),
+                "mode": self.figures["mode"],
+                "thresholds": self.thresholds.changed,
+                "model": self.model,
+            }
+        )
+
+    def save(self, path: str | Path) -> Path:
+        """Write `report.json`, whole or not at all.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        return write_text(path, self.text())
+
+    def text(self) -> str:
+        """The text of `report.json`."""
+        return json.dumps(self.contract(), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedTrajectory:
+    """A trajectory with its simulations."""
+
+    trajectory: Trajectory
+    plant: Plant
+    mode: Mode
+    replayed: Contacts
+    rollout: Rollout
+    plain: Rollout
+    """Without compensation; equal to `rollout` if the goals are not compensated."""
+    warnings: Warnings | None = None
+    fallen: tuple[bool, ...] = ()
+    """Per drawn simulation, whether the robot fell."""
+
+
+def build_report(
+    played: SimulatedTrajectory, sha256: str, thresholds: Thresholds, servos: Mapping[str, Any] | None = None
+) -> Report:
+    """Put the figures together and pass the verdict.
+
+    Args:
+        servos: which servos judged, and the tracking errors on all of them (`judges.trial_figures`).
+    """
+    trajectory, plant, rollout, robot = played.trajectory, played.plant, played.rollout, played.plant.robot
+    free = played.mode == "free"
+    tracking = at_frames(trajectory, robot, rollout)
+    fall = fall_figures(rollout, robot, trajectory) if free else {}
+    stance = stance_of(plant, rollout) if free else planned_stance(robot, trajectory)
+    until = fall.get("fall_s")
+    figures: dict[str, Any] = {
+        "mode": played.mode,
+        "frames": len(trajectory),
+        "fps": round(trajectory.fps, 4),
+        "duration_s": round(trajectory.duration, 4),
+        **tracking_figures(tracking, plant, rollout, trajectory.fps),
+        **(servos or {}),
+        **plain_figures(trajectory, plant, played.plain, compensated=played.plain is not rollout),
+        **replay_figures(trajectory, robot, played.replayed, thresholds.penetration),
+        **between_figures(trajectory, robot),
+        **goal_figures(trajectory, plant, rollout, until),
+        **rollout_figures(rollout, robot, until),
+        **contact_figures(plant.bodies, rollout, robot, trajectory, until),
+        **fall,
+        **feedback_figures(rollout, robot.joint_names, until),
+        **(stance_figures(stance, until) if free else {}),
+        **_foreseen(played, until),
+        **trajectory.likeness,
+        "draws": len(played.fallen),
+        **({"fallen_share": sum(played.fallen) / len(played.fallen)} if played.fallen else {}),
+        "notes": [*plant.notes, *_choices(played)],
+    }
+    reasons, unlike = judge(figures, thresholds), unlikeness(figures, thresholds)
+    series = {**_tracks(tracking, at_frames(trajectory, robot, played.plain), plant), **_stands(stance)}
+    series["simulated"] = _poses(rollout, tracking.times)
+    touched = touches(own_contacts(rollout, robot, until), rollout.times, robot)
+    return Report(
+        "fail" if reasons else "pass", reasons, figures, sha256, robot.name,
+        series=series, joint_names=robot.joint_names, thresholds=thresholds, touches=tuple(touched), trajectory=trajectory,
+        unlike=unlike, model=robot.name if robot.path.is_relative_to(MODELS) else str(robot.path),
+    )  # fmt: skip
+
+
+def series_of(trajectory: Trajectory, plant: Plant, rollout: Rollout) -> dict[str, Floats]:
+    """Return the series of one simulation at the frames: motion of the joints, and poses."""
+    tracking = at_frames(trajectory, plant.robot, rollout)
+    return {**_tracks(tracking, tracking, plant), "simulated": _poses(rollout, tracking.times)}
+
+
+def _choices(played: SimulatedTrajectory) -> list[str]:
+    """Notes on tests that were left out, and how to run them."""
+    notes, robot = [], played.plant.robot
+    if played.mode == "pinned" and robot.floating and feet_of(robot).names:
+        notes.append("the pelvis is held: balance is not tested; legs 'stand' keeps both feet in place and tests it")
+    if played.trajectory.likeness.get("legs") == "stand":
+        notes.append("both feet stay in place by choice (legs 'stand'): legs, path, heading and steps are not compared")
+    return notes
+
+
+def _foreseen(played: SimulatedTrajectory, until: float | None) -> dict[str, Any]:
+    if played.warnings is None:
+        return {}
+    contacts = own_contacts(played.rollout, played.plant.robot, until)
+    return {"foreseen": warning_score(played.warnings, contacts, played.rollout.times, played.plant.robot)}
+
+
+def _tracks(tracking: Tracking, plain: Tracking, plant: Plant) -> dict[str, Floats]:
+    return {
+        "time": tracking.times,
+        "wanted": tracking.wanted,
+        "measured": tracking.measured,
+        "plain": _so_far(plain.measured, len(tracking.times)),
+        "error": tracking.error,
+        "torque": tracking.torque,
+        "bounds": plant.bounds,
+    }
+
+
+def _poses(rollout: Rollout, times: Floats) -> Floats:
+    """(F, nq) the states next to times (F,)."""
+    if not len(times):
+        return rollout.qpos[:0]
+    return rollout.qpos[np.clip(np.searchsorted(rollout.times, times), 0, len(rollout.times) - 1)]
+
+
+def _so_far(values: Floats, frames: int) -> Floats:
+    """Return (F, n) values, NaN after the last: one of two simulations may break down before the other."""
+    reached = np.full((frames, values.shape[1]), np.nan)
+    reached[: len(values)] = values[:frames]
+    return reached
+
+
+def _stands(stance: Stance | None) -> dict[str, Floats]:
+    if stance is None:
+        return {}
+    return {
+        "state_time": stance.times,
+        "com": stance.com,
+        "zmp": stance.zmp,
+        "com_margin": stance.com_margin,
+        "zmp_margin": stance.zmp_margin,
+        "soles": stance.points[..., :2],
+        "down": stance.down,
+    }

@@ -1,0 +1,89 @@
+"""Text of a report: the outcome in a sentence, and its figures in common units with their meaning."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from robot_retarget.judge.report import Report
+from robot_retarget.judge.thresholds import CHECKS, UNLIKE
+from robot_retarget.judge.units import shown
+
+
+class Line(NamedTuple):
+    """One thing that was judged."""
+
+    held: bool
+    what: str
+    value: str = ""
+    most: str = ""
+
+
+class Fact(NamedTuple):
+    """A figure that is reported and not judged."""
+
+    figure: str
+    what: str
+    unit: str
+    meaning: str
+
+
+FACTS = (
+    Fact("duration_s", "length", "s", "of the robot's motion, including the stands before and after"),
+    Fact("slowdown", "slowdown", "times", "the length of the human's clip; 1 is the human's own pace"),
+    Fact("limb_rad", "angle of limbs to the human's", "rad", "mean angle; under 10° looks alike"),
+    Fact("stride", "length of steps", "times", "the human's, scaled to the robot's legs"),
+    Fact("draws", "randomised simulations", "", "with other mass, friction, servos and tilt"),
+    Fact("tracking_rms_rad", "tracking error of all joints", "rad", "measured minus planned angle (rms)"),
+    Fact("servos", "servos of the verdict", "", "the identification of the servos with the worst outcome"),
+    Fact("nominal_tracking_rms_rad", "tracking error, modelled servos", "rad", "on the servos that the goals were computed for"),
+    Fact("played_tracking_rms_rad", "tracking error, emulated bus", "rad", "on the emulated bus with its own motor models"),
+    Fact("played_worst_joint_rms_rad", "worst joint, emulated bus", "rad", "tracking error (rms)"),
+    Fact("plain_tracking_rms_rad", "tracking error, plain playback", "rad", "with goals that do not compensate lag and load"),
+    Fact("zmp_margin_m", "least margin of balance", "m", "distance of the zero moment point inside the soles; below 0 the robot tips over"),
+    Fact("peak_supply_current_A", "largest current", "A", "peak load of the power supply"),
+    Fact("energy_J", "energy", "J", "total from the supply"),
+    Fact("tracked_self_contact_share", "time in self-contact", "of all", "on the servos, intended or not"),
+)  # fmt: skip
+
+
+def headline(report: Report) -> str:
+    """Return the outcome in one sentence for a reader who is new to reports."""
+    figures = report.figures
+    if figures["unstable_s"] is not None:
+        return f"The simulation broke down at {figures['unstable_s']:g} s of {figures['duration_s']:.1f} s."
+    if figures.get("fall_s") is not None:
+        return f"The robot falls over at {max(figures['fall_s'], 0):.1f} s of {figures['duration_s']:.1f} s."
+    came = (
+        "The robot stays on its feet to the end" if "fall_s" in figures else "Held by the pelvis, it plays to the end"
+    )
+    worst = figures.get("worst_joint_rms_rad")
+    close = f", its joints within {shown(worst, 'rad')} of the plan (rms)" if worst is not None else ""
+    return f"{came}{close}{_pace(figures)}{_likeness(figures)}."
+
+
+def judged_lines(report: Report) -> list[Line]:
+    """Return every judged figure with its limit."""
+    figures = report.figures
+    lines = [Line(figures["unstable_s"] is None, "the simulation runs to its end")]
+    if "fall_s" in figures:
+        lines.append(Line(figures["fall_s"] is None, "it stays up, and nothing but the feet touches the floor"))
+    for check in (*CHECKS, *UNLIKE):
+        value, most = figures.get(check.figure), getattr(report.thresholds, check.threshold)
+        if value is not None:
+            lines.append(Line(value <= most, check.what, shown(value, check.unit), shown(most, check.unit)))
+    return lines
+
+
+def facts(figures: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Return (what, value, meaning) of every reported figure of a simulation."""
+    found = ((fact, figures.get(fact.figure)) for fact in FACTS)
+    return [(fact.what, shown(value, fact.unit), fact.meaning) for fact, value in found if value is not None]
+
+
+def _pace(figures: Mapping[str, Any]) -> str:
+    slower = figures.get("slowdown")
+    return f", {slower:.1f} times as slow as the human" if slower is not None and slower > 1.05 else ""
+
+
+def _likeness(figures: Mapping[str, Any]) -> str:
+    angle = figures.get("limb_rad")
+    return "" if angle is None else f", its limbs {shown(angle, 'rad')} from the human's on average"

@@ -1,0 +1,233 @@
+"""Simulate a trajectory in MuJoCo and judge it: first as kinematics, then on position servos."""
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import cast, get_args
+
+from robot_retarget.actuators.goals import Goals
+from robot_retarget.base.errors import UsageError
+from robot_retarget.base.progress import Count, Progress
+from robot_retarget.base.report_file import NAMES
+from robot_retarget.collision.warn import Warnings
+from robot_retarget.judge.bodies import Objects
+from robot_retarget.judge.compensate import compensated
+from robot_retarget.judge.domain import WORLDS, Draw, drawn
+from robot_retarget.judge.domain import draws as drawn_worlds
+from robot_retarget.judge.feedback import has_feedback, with_feedback
+from robot_retarget.judge.figures import fall_figures
+from robot_retarget.judge.goals import plain_goals
+from robot_retarget.judge.judges import NOMINAL, judges, run_trials, trial_figures, worst_trial
+from robot_retarget.judge.plant import Mode, Plant, build_plant
+from robot_retarget.judge.report import Report, SimulatedTrajectory, build_report, series_of
+from robot_retarget.judge.servo_model import Drives, drives_of
+from robot_retarget.judge.stepping import Playback, Rollout, roll_out
+from robot_retarget.judge.thresholds import Thresholds
+from robot_retarget.robot.contacts import replay_contacts
+from robot_retarget.robot.model import Robot
+from robot_retarget.robot.played import on_robot
+from robot_retarget.scene.scene import Scene
+from robot_retarget.solver.result import Result
+from robot_retarget.trajectory import Trajectory, fingerprint
+
+COMPENSATION = 2
+"""Duration of the compensation, in simulations of the trajectory."""
+SIMULATED = 2 + COMPENSATION
+"""Steps of the progress of a simulation without drawn simulations."""
+
+
+def simulate(
+    trajectory: Result | Trajectory | str | Path,
+    robot: Robot | str | Path | None = None,
+    *,
+    mode: str = "auto",
+    drives: Drives | str | None = "auto",
+    playback: Playback | None = None,
+    compensate: bool = True,
+    goals: Goals | None = None,
+    others: bool = True,
+    thresholds: Thresholds | None = None,
+    warnings: Warnings | None = None,
+    draws: int = WORLDS,
+    feedback: bool | None = None,
+    backlash: float = 0.0,
+    objects: Objects = "carried",
+    progress: Progress | None = None,
+) -> Report:
+    """Play a trajectory and judge it.
+
+    It is first replayed without physics (self-contacts, joint ranges, joint speeds), then tracked by position servos under
+    gravity after settling in its first pose (tracking errors, torques, contacts).
+
+    Args:
+        trajectory: a result of `retarget`, a trajectory, or its file; its `likeness` is judged where it has one. The report's
+            `trajectory` is the same with the goals that were judged, and its sha256 that of its file (`fingerprint`): save
+            both.
+        robot: a robot, or a name or model file that `load_robot` loads; by default the trajectory's.
+        mode: `auto` is `free` for a trajectory that was planned in balance, else `pinned`. `pinned` carries the root along
+            its path in the air: the limbs feel gravity as the root turns, but not
+            the root's accelerations. `free` sets the robot on a floor and leaves it alone.
+        drives: the servos; `auto` takes those of the robot's servo map if it has one, None keeps the model's own
+            actuators.
+        playback: rate, delay and settling times.
+        compensate: send goals that make up for lag, load and speed (`compensate.compensated`) rather than the
+            trajectory itself; the report then has the figures of plain playback as well.
+        goals: goals to judge in place of these.
+        others: judge on other servos than the modelled ones too (`judges`), and report the servos with the worst outcome.
+        thresholds: limits of a pass (`thresholds.read_thresholds` reads them from TOML).
+        warnings: of the trajectory (`collision.warn.warnings_of`), by default those of the result; the report then says
+            how they agree with the contacts that happened.
+        draws: in mode `free`, number of drawn simulations (`domain.draws`) if the robot stays up in this one.
+        feedback: judge goals together with the balance feedback of the robot's servo map. None does so in mode `free` if the
+            map has a sensor and gains.
+        backlash: play between every servo and its link, either way [rad]; goals and feedback have no information about it.
+        objects: whether the moving bodies of the trajectory's scene are `carried` along their path, or `free`: then they
+            have mass and are held by friction alone.
+        progress: called with (steps done, steps in all), a step for each simulation.
+
+    Raises:
+        UsageError: an unknown mode, `free` for a robot without a free root, feedback without a sensor in the map, or a
+            backlash out of bounds.
+        TrajectoryError: the file cannot be read, or is of another robot.
+        RobotError: the robot's MJCF cannot be prepared, or a hinge has no servo.
+    """
+    played, robot = on_robot(trajectory, robot)
+    mode = mode_of(played) if mode == "auto" else mode
+    plant = plant_of(robot, mode, drives, backlash, played.scene, objects)
+    count = Count(progress, SIMULATED + (draws if mode == "free" else 0))
+    how, replayed = cast(Mode, mode), replay_contacts(robot, played.qpos)
+    goals = goals or (compensated if compensate else _as_it_is)(plant, played, how, playback)
+    if _closes(plant, mode, feedback):
+        goals = with_feedback(plant, played, goals)
+    count.advance(COMPENSATION)
+    judged = replace(played, goals=goals)
+    trials = run_trials(judges(plant) if others else {NOMINAL: plant}, judged, how, playback, goals)
+    chosen = worst_trial(trials)
+    count.advance()
+    plain = roll_out(chosen.plant, played, how, playback) if compensate else chosen.rollout
+    count.advance()
+    fallen = _fallen(plant, judged, playback, draws, count) if how == "free" and not chosen.fell else ()
+    alerts = _warnings_of(trajectory) if warnings is None else warnings
+    outcome = SimulatedTrajectory(judged, chosen.plant, how, replayed, chosen.rollout, plain, alerts, fallen)
+    return build_report(outcome, fingerprint(judged), thresholds or Thresholds(), trial_figures(trials, chosen))
+
+
+def _warnings_of(played: Result | Trajectory | str | Path) -> Warnings | None:
+    """Return the warnings of a result of several frames."""
+    return played.warnings if isinstance(played, Result) and len(played.trajectory) > 1 else None
+
+
+def mode_of(trajectory: Trajectory) -> str:
+    """Return the mode in which a trajectory is judged by default: `free` if it was planned in balance, else `pinned`."""
+    return "free" if trajectory.balance else "pinned"
+
+
+def report_beside(path: Path, trajectory: Trajectory, robot: Robot, mode: str | None = None) -> Report | None:
+    """Return the report next to a trajectory file, with its motion simulated again on the judged servos, if the robot has them.
+
+    Args:
+        mode: of the report; by default `free`, else `pinned`.
+    """
+    files = (path.with_name(NAMES[how]) for how in ([mode] if mode else NAMES))
+    reports = (Report.load(file) for file in files if file.is_file())
+    found = next((report for report in reports if report.trajectory_sha256 == fingerprint(path)), None)
+    servos = "" if robot.servo_map is None else robot.servo_map.fingerprint
+    if found is None or trajectory.goals is None or trajectory.goals.servos not in ("", servos):
+        return found
+    how, drives = found.figures["mode"], "auto" if trajectory.goals.servos else None
+    plant = judges(plant_of(robot, how, drives, scene=trajectory.scene)).get(found.figures["servos"])
+    if plant is None:
+        return found
+    rollout = roll_out(plant, trajectory, how, None, trajectory.goals)
+    return replace(found, series=series_of(trajectory, plant, rollout), trajectory=trajectory)
+
+
+def _as_it_is(plant: Plant, trajectory: Trajectory, mode: Mode, playback: Playback | None) -> Goals:
+    """The trajectory itself as goals, in any mode."""
+    return plain_goals(plant, trajectory, playback)
+
+
+def _closes(plant: Plant, mode: str, feedback: bool | None) -> bool:
+    """Whether feedback acts.
+
+    Raises:
+        UsageError: feedback is on and cannot run.
+    """
+    able = mode == "free" and has_feedback(plant)
+    if feedback and not able:
+        why = "only mode 'free' has balance" if mode != "free" else "the robot's servo map has no [imu] and [balance]"
+        raise UsageError(f"no feedback: {why}")
+    return able if feedback is None else feedback
+
+
+def _fallen(
+    plant: Plant, trajectory: Trajectory, playback: Playback | None, worlds: int, count: Count
+) -> tuple[bool, ...]:
+    """Return whether the robot falls in each of `worlds` drawn simulations."""
+    command, draws = trajectory.goals, drawn_worlds(worlds)
+    found = rollouts(plant, trajectory, draws, playback=playback, command=command, count=count)
+    return tuple(_fell(world, plant.robot, trajectory) for world in found)
+
+
+def _fell(rollout: Rollout, robot: Robot, trajectory: Trajectory) -> bool:
+    return rollout.unstable is not None or fall_figures(rollout, robot, trajectory)["fall_s"] is not None
+
+
+def plant_of(
+    robot: Robot,
+    mode: str,
+    drives: Drives | str | None = "auto",
+    backlash: float = 0.0,
+    scene: Scene | None = None,
+    objects: Objects = "carried",
+) -> Plant:
+    """The physics of a robot in a mode among the bodies of a scene; `drives`, `backlash` and `objects` as in `simulate`.
+
+    Raises:
+        UsageError: an unknown mode, `free` for a robot without a free root, or a backlash out of bounds.
+        RobotError: the robot's MJCF cannot be prepared, or a hinge has no servo.
+    """
+    if mode not in get_args(Mode):
+        raise UsageError(f"unknown mode {mode!r}; known: {', '.join(get_args(Mode))}")
+    if mode == "free" and not robot.floating:
+        raise UsageError(f"mode 'free' needs a robot with a free root; the root of {robot.name!r} is not free")
+    if objects not in get_args(Objects):
+        raise UsageError(f"unknown objects {objects!r}; known: {', '.join(get_args(Objects))}")
+    chosen = drives_of(robot) if isinstance(drives, str) else drives
+    return build_plant(robot, cast(Mode, mode), chosen, backlash, scene, objects)
+
+
+def rollouts(
+    plant: Plant,
+    trajectory: Trajectory,
+    draws: Sequence[Draw],
+    *,
+    mode: str = "free",
+    playback: Playback | None = None,
+    command: Goals | None = None,
+    threads: int | None = None,
+    count: Count | None = None,
+) -> list[Rollout]:
+    """The same trajectory in many worlds at once, in the order of the draws.
+
+    Args:
+        plant: the world as it should be (`plant_of`); each draw alters it.
+        draws: see `domain.draws`.
+        command: goals; by default the trajectory itself.
+        threads: at once; by default one for each processor. The physics runs without Python's lock.
+        count: of the progress, a step for each world.
+    """
+
+    def play(draw: Draw) -> Rollout:
+        world, how = drawn(plant, draw, playback or Playback())
+        return roll_out(world, trajectory, cast(Mode, mode), how, command)
+
+    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
+        found = []
+        for world in pool.map(play, draws):
+            found.append(world)
+            if count:
+                count.advance()
+        return found

@@ -1,0 +1,121 @@
+"""How a robot stood in a simulation: which feet touched, how they slipped and lifted, and how far inside its support it was balanced.
+
+The zero moment point comes from the wrench of all contacts, on the plane through the sole points that carry (`robot.support`).
+"""
+
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from robot_retarget.base.arrays import Bools, Floats
+from robot_retarget.judge.plant import Plant
+from robot_retarget.judge.stepping import Rollout
+from robot_retarget.robot.contacts import Contacts
+from robot_retarget.robot.feet import Feet, feet_of
+from robot_retarget.robot.kinematics import world_points
+from robot_retarget.robot.stance import DOWN, Stance, contact_planes, margins
+from robot_retarget.robot.support import Planes
+
+LIGHT = 0.05
+"""The zero moment point is undefined while the ground carries less than this share of the weight [-]."""
+
+
+def stance_of(plant: Plant, rollout: Rollout) -> Stance | None:
+    """How the robot stood in a free rollout; None for a robot without recognised feet."""
+    feet = feet_of(plant.robot) if plant.ground.level else feet_of(plant.robot).filled
+    if not feet.names or not len(rollout.times):
+        return None
+    places, floor = world_points(plant.robot, feet.soles, rollout.qpos), floor_height(plant.model)
+    points = places.copy()
+    points[..., 2] -= np.maximum(plant.ground.under(places)[0], floor)
+    carrying = _carrying(plant, rollout, feet)
+    touching = np.zeros((len(rollout.times), len(feet.names)), dtype=bool)
+    for foot, contacts in enumerate(carrying):
+        touching[contacts.frame, foot] = True
+    down = touching[:, feet.owner] & (points[..., 2] < DOWN)
+    spots, spanned = (points, down) if plant.ground.level else _spots(carrying, len(rollout.times))
+    planes = contact_planes(spots, spanned, plant.ground, floor)
+    weight = float(plant.robot.model.body_mass.sum()) * plant.robot.gravity
+    zmp = zero_moment_point(rollout.ground, planes, weight)
+    com = rollout.com[:, :2]
+    margin = margins(np.stack([com, zmp]), spots[..., :2], spanned)
+    return Stance(feet, rollout.times, touching, points, down, com, zmp, margin[0], margin[1])
+
+
+def _carrying(plant: Plant, rollout: Rollout, feet: Feet) -> list[Contacts]:
+    """Return the contacts of each foot with the floor or a body at rest."""
+    still = [] if plant.bodies is None else plant.bodies.still
+    floor, around = rollout.contacts.scene, rollout.around.of(np.isin(rollout.around.bodies[:, 1], still))
+    every = Contacts(*(np.concatenate([getattr(floor, name), getattr(around, name)]) for name in vars(floor)))
+    foot = np.concatenate([floor.bodies[:, 1], around.bodies[:, 0]])
+    return [every.of(np.isin(foot, list(bodies))) for bodies in feet.bodies]
+
+
+def _spots(carrying: list[Contacts], states: int) -> tuple[Floats, Bools]:
+    """Return the places (N, P, 3) of contacts over N states [m], and which there are (N, P): a step may be smaller than a sole."""
+    frame, places = (np.concatenate([getattr(each, name) for each in carrying]) for name in ("frame", "places"))
+    order = np.argsort(frame, kind="stable")
+    frame, places = frame[order], places[order]
+    rank = np.arange(len(frame)) - np.searchsorted(frame, frame)
+    spots = np.zeros((states, int(rank.max(initial=0)) + 1, 3))
+    spots[frame, rank] = places
+    return spots, np.arange(spots.shape[1]) < np.bincount(frame, minlength=states)[:, None]
+
+
+def floor_height(model: mujoco.MjModel) -> float:
+    """Return the height of the highest plane of the scene [m], 0 without one."""
+    planes = np.flatnonzero((model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) & (model.geom_bodyid == 0))
+    return float(model.geom_pos[planes, 2].max()) if planes.size else 0.0
+
+
+def zero_moment_point(ground: Floats, planes: Planes, weight: float) -> Floats:
+    """(N, 2) [m] of wrenches (N, 6) about the origin; NaN where less than LIGHT of the weight is on the ground."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        point = planes.points(ground)[:, :2]
+    point[ground[:, 2] < LIGHT * weight] = np.nan
+    return point
+
+
+def slip_distances(stance: Stance) -> Floats:
+    """(F,) the furthest each foot slid from where it began to stand [m].
+
+    Between two states a standing foot moves as its carrying points do on average, so that rolling over an edge is no slip.
+    """
+    found = np.zeros(len(stance.feet.names))
+    for foot in range(len(found)):
+        mine = stance.feet.owner == foot
+        both = stance.down[1:, mine] & stance.down[:-1, mine]
+        moves = np.diff(stance.points[:, mine, :2], axis=0)
+        count = both.sum(1)
+        mean = (moves * both[..., None]).sum(1) / np.maximum(count, 1)[:, None]
+        path = np.zeros(2)
+        for standing, move in zip(count > 0, mean, strict=True):
+            path = path + move if standing else np.zeros(2)
+            found[foot] = max(found[foot], float(np.linalg.norm(path)))
+    return found
+
+
+def stance_figures(stance: Stance | None, until: float | None) -> dict[str, Any]:
+    """Slip, clearance and margins while the trajectory plays, up to a fall at `until` [s]."""
+    names = ("foot_slip_m", "sole_clearance_m", "com_margin_m", "zmp_margin_m", "support_share")
+    if stance is None:
+        return dict.fromkeys(names)
+    end = np.inf if until is None else until
+    playing = (stance.times >= 0) & (stance.times < end)
+    if not playing.any():
+        return dict.fromkeys(names)
+    part = Stance(stance.feet, *(getattr(stance, name)[playing] for name in list(vars(stance))[1:]))
+    owner = part.feet.owner
+    lowest = np.stack([part.points[:, owner == f, 2].min(1) for f in range(len(part.feet.names))], axis=1)
+    return {
+        "foot_slip_m": round(float(slip_distances(part).max()), 5),
+        "sole_clearance_m": {n: round(float(h), 4) for n, h in zip(part.feet.names, lowest.max(0), strict=True)},
+        "com_margin_m": _least(part.com_margin),
+        "zmp_margin_m": _least(part.zmp_margin),
+        "support_share": {n: round(float(s), 4) for n, s in zip(part.feet.names, part.touching.mean(0), strict=True)},
+    }
+
+
+def _least(margin: Floats) -> float | None:
+    return None if np.isnan(margin).all() else round(float(np.nanmin(margin)), 5)

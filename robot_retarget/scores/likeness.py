@@ -1,0 +1,212 @@
+"""Likeness of a robot's motion to the human's: limb directions, hand contacts, pace, travel, heading and steps.
+
+    path_off     mean ‖Δp − r Δh‖ / max(mean ‖r Δh‖, ℓ)      pelvis p, human pelvis h, leg ratio r, robot leg ℓ
+    heading_off  90th percentile of |Δψ_p − Δψ_h|
+    steps_lost   1 − N_p / N_h
+
+Δ is the change since the first frame. The human is always the one of the motion, also where the robot keeps its feet in place.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.base.arrays import Bools, Floats, intervals
+from robot_retarget.graph.describe import RobotGraph
+from robot_retarget.robot import world_points
+from robot_retarget.scores.pair import PARTS, Pair
+from robot_retarget.scores.travel import Travel, human_travel, robot_travel
+
+KEPT = 0.04
+"""A contact is made if the robot's hand is no farther than this more than the human's, over the path between [-]."""
+FAR = np.radians(25.0)
+"""A frame is far from the human's pose if its bones are off by more on average [rad]."""
+AT_LIMIT = 0.99
+"""A joint is at its speed limit from this share of it on [-]."""
+LASTING = 0.9
+"""Quantile of the heading error that is judged: a turn counts if it lasts for a tenth of the time."""
+
+
+@dataclass(frozen=True, eq=False)
+class Likeness:
+    """How similar a robot's motion is to the human's."""
+
+    angles: dict[str, Floats]
+    """Per bone, named by the keypoint at its end, (T,) angle between the human's and the robot's, each seen from its own
+    pelvis' heading [rad]."""
+    contacts: float | None
+    """Share of the human's hand contacts that the robot makes; None without contacts."""
+    human: Travel
+    """In the human's own metres."""
+    robot: Travel
+    path_off: float
+    """Error of the pelvis path over its length, as above [-]."""
+    slowdown: float
+    """Duration over the human's."""
+    stride: float
+    """Length of the robot's steps over the scaled human's."""
+    legs: str
+    """`follow` the human's, `stand` (both feet in place, chosen by the user) or `instead` (in place because following failed)."""
+    unfinished: float
+    """Share of the frames that the solver did not finish."""
+    rushed: Bools
+    """(T,) whether a joint is at its speed limit."""
+    fps: float
+    """Frames per second."""
+
+    def __repr__(self) -> str:
+        return f"<Likeness over {len(self.rushed)} frames: {self.sentence}>"
+
+    @property
+    def far(self) -> Bools:
+        """(T,) whether a frame is far from the human's pose, by the mean angle of its bones."""
+        return np.mean(list(self.angles.values()), axis=0) > FAR if self.angles else np.zeros(len(self.rushed), bool)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Frames that are far from the human's pose, and frames with a joint at its speed limit, a sentence each."""
+        notes = []
+        if self.far.any():
+            bone, angle, frame = self.peak()
+            notes.append(
+                f"{self._counted(self.far)} the limbs are over {np.degrees(FAR):.0f}° from the human's on average; "
+                f"most {bone}, {np.degrees(angle):.0f}° at {frame / self.fps:.1f} s"
+            )
+        if self.rushed.any():
+            notes.append(
+                f"{self._counted(self.rushed)} a joint is at its speed limit: the human is faster than the robot there"
+            )
+        return tuple(notes)
+
+    def _counted(self, frames: Bools) -> str:
+        """How many frames, and the longest stretch of them."""
+        start, stop = max(intervals(frames), key=lambda run: run[1] - run[0])
+        when = f"{start / self.fps:.1f} to {stop / self.fps:.1f} s"
+        return f"In {int(frames.sum())} of {len(frames)} frames, longest from {when},"
+
+    def peak(self) -> tuple[str, float, int]:
+        """The bone with the largest angle of all frames, that angle [rad], and its frame."""
+        bone, angle = max(self.angles.items(), key=lambda item: item[1].max())
+        return bone, float(angle.max()), int(angle.argmax())
+
+    @property
+    def heading_off(self) -> float:
+        """Error of the heading [rad]."""
+        return float(np.quantile(np.abs(self.robot.heading - self.human.heading), LASTING))
+
+    @property
+    def steps_lost(self) -> float | None:
+        """Share of the human's steps that the robot does not take; None if the human takes none."""
+        return max(0.0, 1 - self.robot.steps / self.human.steps) if self.human.steps else None
+
+    def part(self, name: str) -> float | None:
+        """The mean angle of a part's bones [rad]; None if the robot lacks them."""
+        bones = [angle for bone, angle in self.angles.items() if bone.split("_")[-1] in PARTS[name]]
+        return float(np.mean(bones)) if bones else None
+
+    def worst(self) -> tuple[str, float]:
+        """The bone with the largest mean angle, and that angle [rad]."""
+        means = {bone: float(angle.mean()) for bone, angle in self.angles.items()}
+        return max(means.items(), key=lambda item: item[1]) if means else ("", 0.0)
+
+    @property
+    def sentence(self) -> str:
+        """A summary in one line."""
+        parts = ((name, self.part(name)) for name in PARTS)
+        off = ", ".join(f"{name} {np.degrees(angle):.0f}°" for name, angle in parts if angle is not None)
+        pace = f", {self.slowdown:.1f} times as slow" if round(self.slowdown, 1) > 1 else ""
+        return f"{off} from the human's on average{pace}"
+
+    def figures(self) -> dict[str, Any]:
+        """The figures of reports: angles [rad], shares, factors."""
+        bone, off = self.worst()
+        mean = float(np.mean([angle.mean() for angle in self.angles.values()])) if self.angles else None
+        return {
+            **{f"limb_rad_{name}": _rounded(self.part(name)) for name in PARTS},
+            "limb_rad": _rounded(mean),
+            "limb_rad_worst": _rounded(off),
+            "limb_worst": bone,
+            "limbs_far_share": round(float(self.far.mean()), 4) if self.angles else None,
+            "limb_peak_rad": _rounded(self.peak()[1]) if self.angles else None,
+            "at_speed_limit_share": round(float(self.rushed.mean()), 4) if len(self.rushed) else None,
+            "contacts_lost": None if self.contacts is None else round(1 - self.contacts, 3),
+            "slowdown": round(self.slowdown, 3),
+            "stride": round(self.stride, 3) if self.robot.steps else None,
+            "unfinished_share": round(self.unfinished, 3),
+            "legs": self.legs,
+            **self._travel_figures(),
+        }
+
+    def _travel_figures(self) -> dict[str, Any]:
+        """Travel of both; its errors are None where the user chose that both feet stay in place."""
+        errors = {
+            "path_off": _rounded(self.path_off),
+            "heading_off_rad": _rounded(self.heading_off),
+            "steps_lost": _rounded(self.steps_lost),
+            "steps_shortened": round(1 - self.stride, 3) if self.robot.steps else None,
+        }
+        return {
+            **(dict.fromkeys(errors) if self.legs == "stand" else errors),
+            **{
+                f"{who}_{name}": value
+                for who, travel in (("human", self.human), ("robot", self.robot))
+                for name, value in travel.figures().items()
+            },
+        }
+
+
+def likeness_of(
+    graph: RobotGraph,
+    qpos: Floats,
+    frames: slice | Bools = slice(None),
+    *,
+    slowdown: float = 1.0,
+    stride: float = 1.0,
+    legs: str = "follow",
+    unfinished: float = 0.0,
+) -> Likeness:
+    """Compare configurations (T, nq) with the human of a graph, frame by frame.
+
+    Args:
+        frames: consecutive ones that are compared; all by default.
+    """
+    graph, qpos, match = graph.at(frames), qpos[frames], graph.match
+    pair = Pair(match, graph.human.positions, world_points(graph.robot, match.points, qpos))
+    performed, moved = human_travel(graph.human), robot_travel(pair.robot, qpos, graph.robot, match, graph.fps)
+    angles = pair.bone_angles(PARTS.keys() - ({"legs"} if legs == "stand" else set()))
+    path = _path_off(moved.path, match.leg_ratio * performed.path, match.robot_leg)
+    contacts = _contacts_kept(graph, pair.robot)
+    rushed = _rushed(graph, qpos)
+    return Likeness(angles, contacts, performed, moved, path, slowdown, stride, legs, unfinished, rushed, graph.fps)
+
+
+def _rushed(graph: RobotGraph, qpos: Floats) -> Bools:
+    """(T,) whether a joint is at its speed limit on the way to the next frame; the last frame has none."""
+    robot = graph.robot
+    speed = np.abs(np.diff(qpos[:, robot.qpos_index], axis=0)) * graph.fps
+    return np.append((speed >= AT_LIMIT * robot.max_speed).any(axis=1), False)
+
+
+def _path_off(robot: Floats, human: Floats, leg: float) -> float:
+    """The error of a path (T, 2) against the scaled human's, over the human's mean distance from its start or a leg [-]."""
+    off, away = (np.linalg.norm(way, axis=1).mean() for way in (robot - human, human))
+    return float(off / max(away, leg))
+
+
+def _contacts_kept(graph: RobotGraph, robot: Floats) -> float | None:
+    """The share of the human's contacts that are as near on the robot."""
+    track = graph.kinds.get("touch")
+    if track is None:
+        return None
+    names = graph.match.keypoints
+    i, j = ([names.index(ends[k]) for ends in track.ends] for k in (0, 1))
+    touching = track.priority > track.priority.max(initial=0.0) / 2
+    if not touching.any():
+        return None
+    near = np.linalg.norm(robot[:, i] - robot[:, j], axis=2) / track.scale
+    return float((near <= track.lower / track.scale + KEPT)[touching].mean())
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 4)

@@ -1,0 +1,138 @@
+"""Figures of root and forces, and one number for the physical defects of a reference motion.
+
+root_jerk, root_height_min, travel_m: motion of the root
+
+    jerk = mean_t ‖p_{t+3} − 3 p_{t+2} + 3 p_{t+1} − p_t‖ · fps³
+    height = min_t of the root's height, over that in the reference pose on its soles
+    travel = max_t ‖p_t − p_0‖ along the floor
+
+Units: m/s³, 1, m. Range: 0 and more. Source: PHUMA keeps human clips with a root jerk below 50 m/s³ and a pelvis between 0.6 and 1.5 m [arXiv
+2510.26236, `preprocess_smplx.py`]; its third filter, the distance to the base of support, has `zmp_out_pct` for a counterpart.
+
+root_residual: the root's residual wrench, which no contact force provides
+
+    r_t = ‖(f, τ/c)‖ / (m g),   (f, τ) = the root's part of inverse dynamics less contact forces, τ about the centre of mass
+
+Contact forces act at the corners of the soles that stand, within friction pyramids (μ = 0.8), non-negative, and are chosen by
+least squares. c is the height of the centre of mass in the reference pose. A motion that walks, runs or flies ballistically has
+r = 0. Unit: 1. Range: 0 and more. Source: dynamic consistency as in KDMR and SPARK; velocities are smoothed over 0.05 s. Hands and
+knees on the floor count as no contact.
+
+torque_over_pct, torque_p99: torque of the motors against their limits, the share of joints × frames with |τ| > τ_max, and the 99th
+percentile of |τ|/τ_max. τ from inverse dynamics with the contact forces of `root_residual`, without damping and friction. Units: %, 1.
+Range: 0 to 100 %; 0 and more. None where the model has no torque limits. Source: the limits of the model or of its limits file.
+
+physics_score: S = 100 · mean_i (1 − min(1, x_i / b_i)) over float, penetration, skate, overlap with itself and jerk: x_i the defect, b_i the
+size at which it costs all of its share. Unit: points. Range: 0 to 100. Source: LIMMT's physical score has these five parts and keeps clips
+from 90 up [arXiv 2606.06953]; the sizes b_i here are this project's, so that its threshold does not carry over.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from robot_retarget.base.arrays import Floats
+from robot_retarget.robot import Robot
+from robot_retarget.robot.dynamics import momenta, root_dofs
+from robot_retarget.scores.figure import Figure, Value, measures
+from robot_retarget.scores.subject import OVERLAP, Subject
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Defects that cost all of their share."""
+
+    float_height: float = 0.05
+    """Mean height of the lowest sole point over the floor, frames in flight left out [m]."""
+    penetration: float = 0.02
+    """Its mean depth under the floor [m]."""
+    skate: float = 0.3
+    """Mean speed of the slowest point of a foot on the floor [m/s]: a slow walk of the foot."""
+    overlap: float = 0.25
+    """Share of frames in which the robot overlaps itself by over 1 mm [-]."""
+    jerk: float = 2000.0
+    """Root mean square over the joints [rad/s³]: that of GMR's references of dances, about."""
+
+
+@measures(
+    Figure("root_jerk", "m/s^3", 2, "jerk of the root, mean"),
+    Figure(
+        "root_height_min", "", 3, "lowest root, over its standing height", "neither", cause="a squat, a fall or lying"
+    ),
+    Figure("travel_m", "m", 3, "farthest that the root goes from its first place", "neither"),
+)
+def root(subject: Subject) -> tuple[Value, ...]:
+    """Jerk, least height and travel; None for a robot whose root is not free."""
+    if not subject.robot.floating:
+        return None, None, None
+    place = subject.root
+    third = np.linalg.norm(np.diff(place, 3, axis=0), axis=1) * subject.fps**3
+    travel = np.linalg.norm(place[:, :2] - place[0, :2], axis=1).max()
+    return (third.mean() if third.size else None), place[:, 2].min() / subject.standing_height, travel
+
+
+@measures(
+    Figure("root_residual", "weights", 3, "force on the root that no contact provides, mean"),
+    Figure("root_residual_p95", "weights", 3, "the same, 95th percentile"),
+    feet=True,
+)
+def root_residual(subject: Subject) -> tuple[Value, ...]:
+    """The mean and the 95th percentile over the frames."""
+    if not subject.robot.floating or len(subject) < 3:
+        return None, None
+    residual = _residuals(subject)
+    return residual.mean(), np.percentile(residual, 95)
+
+
+def _residuals(subject: Subject) -> Floats:
+    """(T,) in weights of the robot."""
+    robot, qpos = subject.robot, subject.trajectory.qpos
+    model, first = robot.model, robot.root_address
+    standing, centre = (_centres(robot, poses) for poses in (robot.neutral()[None], qpos))
+    height = float(standing[0, 2] - subject.floor_of(robot.neutral()[None]))
+    wrench = subject.forces[:, root_dofs(robot)]
+    turns = Rotation.from_quat(qpos[:, first + 3 : first + 7], scalar_first=True)
+    force, torque = wrench[:, :3], turns.apply(wrench[:, 3:])  # a free joint's torque is in its own frame
+    about_centre = torque - np.cross(centre - subject.root, force)
+    weight = float(model.body_subtreemass[robot.root_body] * robot.gravity)
+    return np.linalg.norm(np.hstack([force, about_centre / height]), axis=1) / weight
+
+
+def _centres(robot: Robot, poses: Floats) -> Floats:
+    """(T, 3) the centre of mass [m]."""
+    return momenta(robot, poses, np.zeros((len(poses), robot.model.nv)))[0]
+
+
+@measures(
+    Figure("torque_over_pct", "%", 2, "joints × frames that need more torque than the motors have", most=100.0),
+    Figure("torque_p99", "", 3, "torque over its limit, 99th percentile"),
+    feet=True,
+)
+def torque(subject: Subject) -> tuple[Value, ...]:
+    """The share beyond the limits, and the percentile."""
+    robot = subject.robot
+    limited = np.isfinite(robot.max_torque) & (robot.max_torque > 0)
+    if not robot.floating or not limited.any() or len(subject) < 3:
+        return None, None
+    ratio = np.abs(subject.forces[:, robot.dof_index[limited]]) / robot.max_torque[limited]
+    return 100 * np.mean(ratio > 1), np.percentile(ratio, 99)
+
+
+@measures(
+    Figure("physics_score", "points", 1, "float, penetration, skate, overlap and jerk together", "higher", 100.0),
+    feet=True,
+)
+def physics_score(subject: Subject) -> tuple[Value, ...]:
+    """The score; None for fewer than four frames."""
+    if subject.jerk is None:
+        return (None,)
+    sizes, lowest, down = Sizes(), subject.lowest, subject.on_floor[1:]
+    parts = (
+        (np.maximum(lowest[subject.standing], 0).mean() if subject.standing.any() else 0.0) / sizes.float_height,
+        np.maximum(-lowest, 0).mean() / sizes.penetration,
+        (subject.slip[1:][down].mean() if down.any() else 0.0) / sizes.skate,
+        np.mean(subject.depth > OVERLAP) / sizes.overlap,
+        subject.jerk / sizes.jerk,
+    )
+    return (100 * np.mean([1 - min(1.0, float(part)) for part in parts]),)

@@ -1,0 +1,173 @@
+"""The trajectory that is scored, and measurements that several figures share."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from robot_retarget.base.arrays import Bools, Floats, Ints
+from robot_retarget.human.features import HumanFeatures
+from robot_retarget.robot import Anatomy, Points, Robot, world_points
+from robot_retarget.robot.body_distances import BodyPairs
+from robot_retarget.robot.contacts import replay_contacts
+from robot_retarget.robot.dynamics import required_forces
+from robot_retarget.robot.feet import feet_of
+from robot_retarget.robot.geoms import solid_geoms
+from robot_retarget.robot.stance import SMOOTH
+from robot_retarget.robot.timing import joint_velocities
+from robot_retarget.scores.pair import Pair
+from robot_retarget.scores.soles import Foot, foot_of
+from robot_retarget.trajectory import Trajectory
+
+FAR = 0.05
+"""Links that are farther from a body do not touch it [m]."""
+OVERLAP = 1e-3
+"""Overlaps of links up to this depth are the softness of a touch [m]."""
+SLOW = 0.2
+"""A planted toe moves by less than this [leg lengths/s]."""
+LOW = 0.08
+"""A planted toe is lower than this over the floor [leg lengths]."""
+FLOOR = 2.0
+"""The percentile of the toes' heights that is the floor of a human motion."""
+FLIGHT = 0.03
+"""No foot is on the floor where the lowest sole point is this far over where it stands [m]."""
+TOUCH = 0.01
+"""A foot is on the floor where its lowest sole point is at most this far over where it stands [m]."""
+STEADY = 5
+"""Frames of the median filter over the planted toes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """One trajectory of T frames on its robot, with its human motion if that is known."""
+
+    trajectory: Trajectory
+    robot: Robot
+    soles: tuple[Points, ...] = ()
+    """Left and right; empty for a robot without recognised feet."""
+    compared: Pair | None = None
+    """The keypoints of human and robot; None without a human motion."""
+    anatomy: Anatomy | None = None
+    """The recognised parts of the robot; None if it is no humanoid."""
+    around: HumanFeatures | None = None
+    """The human among the bodies of the trajectory; None without a human motion or bodies."""
+
+    @property
+    def pair(self) -> Pair:
+        """The keypoints of human and robot, of a subject with a human motion."""
+        assert self.compared is not None
+        return self.compared
+
+    def __len__(self) -> int:
+        return len(self.trajectory)
+
+    @property
+    def fps(self) -> float:
+        """Frames per second [1/s]."""
+        return self.trajectory.fps
+
+    @cached_property
+    def body_links(self) -> Ints:
+        """(L,) links that bodies around the robot may touch."""
+        return np.array(list(solid_geoms(self.robot)))
+
+    @cached_property
+    def body_distances(self) -> Floats:
+        """(T, B, L) distances of links from the bodies around, at most `FAR` [m]."""
+        scene, qpos = self.trajectory.scene, self.trajectory.qpos
+        assert scene is not None
+        pairs = BodyPairs(self.robot, scene, FAR)
+        return pairs.along(qpos, scene.poses(len(qpos))).reshape(len(qpos), len(scene), -1)
+
+    @cached_property
+    def angles(self) -> Floats:
+        """(T, n) of the hinges [rad]."""
+        return self.trajectory.qpos[:, self.robot.qpos_index]
+
+    @cached_property
+    def speeds(self) -> Floats:
+        """(T − 1, n) of the hinges from each frame to the next [rad/s]."""
+        return np.abs(joint_velocities(self.trajectory, self.robot))
+
+    @cached_property
+    def jerk(self) -> float | None:
+        """Root mean square over hinges and frames [rad/s³]; None below four frames."""
+        third = np.diff(self.angles, 3, axis=0)
+        return float(np.sqrt((third**2).mean()) * self.fps**3) if third.size else None
+
+    @cached_property
+    def depth(self) -> Floats:
+        """(T,) the deepest overlap of the robot with itself [m]."""
+        contacts, deepest = replay_contacts(self.robot, self.trajectory.qpos), np.zeros(len(self))
+        np.maximum.at(deepest, contacts.frame, contacts.depth)
+        return deepest
+
+    @cached_property
+    def feet(self) -> tuple[Foot, ...]:
+        """How each foot moves; empty for a robot without recognised feet."""
+        return tuple(foot_of(self.robot, sole, self.trajectory.qpos, self.fps) for sole in self.soles)
+
+    @cached_property
+    def lowest(self) -> Floats:
+        """(T,) height of the lowest sole point of both feet [m]."""
+        return np.min([foot.lowest for foot in self.feet], axis=0)
+
+    @cached_property
+    def slip(self) -> Floats:
+        """(T, 2) speed along the floor of each foot's slowest sole point, 0 at the first frame [m/s]."""
+        return np.stack([foot.slip for foot in self.feet], axis=1)
+
+    @cached_property
+    def planted(self) -> Bools | None:
+        """(T, 2) whether the human's toe is slow and low; None without toes."""
+        pair = self.pair
+        if not pair.has("l_toe", "r_toe"):
+            return None
+        leg, toes = pair.match.human_leg, pair.human[:, [pair.index("l_toe"), pair.index("r_toe")]]
+        speed = np.zeros(toes.shape[:2])
+        speed[1:] = np.linalg.norm(np.diff(toes, axis=0), axis=2) * self.fps / leg
+        floor = np.percentile(toes[:, :, 2], FLOOR)
+        still = (speed < SLOW) & (toes[:, :, 2] < floor + LOW * leg)
+        planted = median_filter(still.astype(np.uint8), (STEADY, 1)).astype(bool)
+        planted[0] = False
+        return planted
+
+    @property
+    def root(self) -> Floats:
+        """(T, 3) place of the free root [m]."""
+        first = self.robot.root_address
+        return self.trajectory.qpos[:, first : first + 3]
+
+    @cached_property
+    def floor_level(self) -> float:
+        """Height of the lowest sole point where the clip stands: its 5th percentile [m]."""
+        return float(np.percentile(self.lowest, 5))
+
+    @cached_property
+    def standing(self) -> Bools:
+        """(T,) whether any foot is on the floor."""
+        return self.lowest < self.floor_level + FLIGHT
+
+    @cached_property
+    def on_floor(self) -> Bools:
+        """(T, 2) whether each foot is on the floor."""
+        return np.stack([foot.lowest for foot in self.feet], axis=1) < self.floor_level + TOUCH
+
+    @cached_property
+    def forces(self) -> Floats:
+        """(T, nv) generalised forces in addition to the floor's (`robot.dynamics.required_forces`) [N, N m]."""
+        soles = feet_of(self.robot).corners
+        qpos = self.trajectory.qpos
+        return required_forces(self.robot, qpos, self.fps, soles, SMOOTH, self.standing & bool(len(soles)))
+
+    def floor_of(self, pose: Floats) -> float:
+        """Height of the lowest sole point in a pose (1, nq) [m]."""
+        return float(min(world_points(self.robot, sole, pose)[..., 2].min() for sole in self.soles))
+
+    @cached_property
+    def standing_height(self) -> float:
+        """Height of the root over the lowest sole point in the reference pose [m]."""
+        pose = self.robot.neutral()[None]
+        floor = self.floor_of(pose) if self.soles else 0.0
+        return max(float(pose[0, self.robot.root_address + 2]) - floor, 1e-6)

@@ -1,0 +1,204 @@
+"""Turn a draft into a motion in balance: from a balanced stand, over planted feet, back into a balanced stand.
+
+    draft ──support──▶ footholds ──timeline──▶ pace ──zmp──▶ path of the centre of mass ──balanced_ik──▶ configurations
+
+The last step is a second retargeting: the human's edges at the playback's pace, plus footholds and centre of mass.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import BalanceError, UsageError, known
+from robot_retarget.base.progress import Count, Progress
+from robot_retarget.graph.describe import RobotGraph, graph_from
+from robot_retarget.human.activity import require_own_feet
+from robot_retarget.human.resample import at_frames
+from robot_retarget.robot import Robot
+from robot_retarget.scene.ground import SolidGround
+from robot_retarget.scores.likeness import likeness_of
+from robot_retarget.solver.balance.balanced_ik import BalancedIk
+from robot_retarget.solver.balance.foot_spacing import spread
+from robot_retarget.solver.balance.footstep_limits import reachable_footholds, total_step_length
+from robot_retarget.solver.balance.playback import Balanced, expected_steps, paced
+from robot_retarget.solver.balance.playback_plan import PlaybackClip
+from robot_retarget.solver.balance.stand import balanced_stand, in_place, posed_in_place, stand_places
+from robot_retarget.solver.balance.support import StepRule, planted_feet, without_small_swings
+from robot_retarget.solver.balance.zmp import Steadiness
+from robot_retarget.solver.solution import Solution
+from robot_retarget.solver.solve import solution_of
+
+SWAY = 0.5
+"""The body follows the shift of its footholds smoothly, over this time [s]."""
+
+FLAT = 0.25
+"""`StepRule.speed` for a performer with flat soles, a robot: its labels are exact, and slow beginnings and ends of a swing give
+time to shift the weight [1/s]."""
+
+LEGS = ("auto", "follow", "stand")
+MODES = ("auto", "static", "dynamic", "off")
+
+
+def balance_modes(robot: Robot, legs: str, balance: str) -> tuple[str, ...]:
+    """Return the modes of balance to try, in order of preference; empty without balance.
+
+    A robot in static balance may halt at any time. Dynamic balance needs less time for a step.
+
+    Raises:
+        UsageError: an unknown choice, or legs that stand without balance.
+        BalanceError: balance is required, and the robot has no free root.
+    """
+    for what, choice, choices in (("legs", legs, LEGS), ("balance", balance, MODES)):
+        if choice not in choices:
+            raise UsageError(f"unknown {what} {choice!r}; {known(choices, typed=choice)}")
+    if legs == "stand" and balance == "off":
+        raise UsageError("legs 'stand' needs balance: 'static' or 'dynamic'")
+    if balance == "auto":
+        free = robot.floating and robot.servo_map is not None
+        modes = ("static",) if legs == "stand" else ("static", "dynamic") if free else ()
+    else:
+        modes = () if balance == "off" else (balance,)
+    if modes and not robot.floating:
+        raise BalanceError(
+            f"balance {modes[0]!r} needs a robot with a free root; the root of {robot.name!r} is not free"
+        )
+    return modes
+
+
+@dataclass(frozen=True)
+class Acceptable:
+    """Limits of a playback with following legs; beyond them the next mode is tried, and then both feet stay in place."""
+
+    slowdown: float = 2.5
+    """Duration, over the human's [-]."""
+    legs: float = 0.45
+    """Mean angle of thighs and shins to the human's [rad]."""
+    trunk: float = 0.25
+    """Mean angle of the trunk [rad]."""
+    margin: float = 0.0
+    """Least distance of the zero moment point from the edge of the support [m]."""
+
+
+def in_balance(
+    graph: RobotGraph, draft: Solution, legs: str, modes: tuple[str, ...], progress: Progress | None = None
+) -> tuple[Balanced, RobotGraph, Solution]:
+    """Bring a draft into balance; return the playback, the graph at its frames, and its solution.
+
+    Args:
+        graph: of the draft.
+        draft: a solution without balance.
+        legs: `auto`, `follow` or `stand`.
+        modes: of balance, in order of preference.
+        progress: receives (steps done, steps in all).
+
+    Raises:
+        BalanceError: the motion leaves the floor, something holds the human up, or the robot has fewer than two feet.
+    """
+    if len(graph.match.anatomy.soles) < 2:
+        raise BalanceError(f"{graph.robot.name} has no two feet to stand on: do without balance (balance 'off')")
+    ik, count = BalancedIk(graph), Count(progress, expected_steps(graph))
+    reason = ""
+    if legs != "stand":
+        try:
+            require_own_feet(graph.human.activity)
+            return _following(ik, draft, modes, count, Acceptable() if legs == "auto" else None)
+        except BalanceError as error:
+            if legs == "follow":
+                raise
+            reason = str(error).split(": a robot that stands free")[0]
+    balanced, graph, solution = _played_as(ik, draft, _standing(ik, draft.trajectory.qpos), modes[0], count)
+    return replace(balanced, legs="stand", instead=reason), graph, solution
+
+
+def _following(
+    ik: BalancedIk, draft: Solution, modes: tuple[str, ...], count: Count, acceptable: Acceptable | None
+) -> tuple[Balanced, RobotGraph, Solution]:
+    """Return a playback with following legs in the first mode in which it is acceptable.
+
+    Args:
+        acceptable: limits of the last mode.
+
+    Raises:
+        BalanceError: the motion leaves the floor, or no mode is acceptable.
+    """
+    clip = _stepping(ik, draft.trajectory.qpos)
+    for mode in modes[:-1]:
+        try:
+            return _played_as(ik, draft, clip, mode, count, Acceptable())
+        except BalanceError:
+            continue
+    return _played_as(ik, draft, clip, modes[-1], count, acceptable)
+
+
+def _require_margin(found: Balanced, least: Acceptable) -> None:
+    """Raises: BalanceError: the zero moment point leaves the support."""
+    worst = int(found.margin.argmin())
+    if found.margin[worst] < least.margin:
+        raise BalanceError(f"stepping would tip the robot over at {worst / found.timeline.fps:.1f} s of the playback")
+
+
+def _require_alike(graph: RobotGraph, qpos: Floats, frames: np.ndarray, most: Acceptable) -> None:
+    """Raises: BalanceError: legs or trunk are too far from the human's."""
+    likeness = likeness_of(graph, qpos, frames)
+    for part, bound in (("legs", most.legs), ("trunk", most.trunk)):
+        off = likeness.part(part) or 0.0
+        if off > bound:
+            raise BalanceError(f"stepping would turn the {part} {np.degrees(off):.0f}° from the human's")
+
+
+def _played_as(
+    ik: BalancedIk, draft: Solution, clip: PlaybackClip, mode: str, count: Count, acceptable: Acceptable | None = None
+) -> tuple[Balanced, RobotGraph, Solution]:
+    """Return the playback of a clip in a mode of balance.
+
+    Raises:
+        BalanceError: the result is not acceptable.
+    """
+    slowest = acceptable.slowdown if acceptable else np.inf
+    found = replace(paced(ik, clip, Steadiness(static=mode == "static"), count, slowest), mode=mode)
+    frames = np.round(found.timeline.at).astype(int)
+    motion = at_frames(clip.graph.motion, found.timeline.at, ik.graph.fps)
+    played = replace(clip.graph.at(frames), motion=motion, tracks=found.tracks)
+    if acceptable:
+        _require_margin(found, acceptable)
+        _require_alike(played, found.qpos, found.timeline.share >= 1, acceptable)
+    solution = solution_of(ik.solver, played, list(found.poses), draft.timings)
+    times = np.interp(found.timeline.at, np.arange(len(ik.graph)), draft.trajectory.source_time)
+    return found, played, replace(solution, trajectory=replace(solution.trajectory, balance=mode, source_time=times))
+
+
+def _standing(ik: BalancedIk, draft: Floats) -> PlaybackClip:
+    """Return a clip with both feet in the balanced stand at all frames."""
+    graph, places = ik.graph, stand_places(ik)
+    human, turns = in_place(graph.human, graph.match)
+    posed, count = posed_in_place(ik, draft, turns, balanced_stand(ik, places)), len(draft)
+    still = graph_from(graph, human)
+    return PlaybackClip(
+        still, posed, np.tile(places, (count, 1, 1, 1)), np.ones((count, len(ik.feet)), bool), graph.fps,
+        ground=SolidGround(still.bodies),
+    )  # fmt: skip
+
+
+def _stepping(ik: BalancedIk, draft: Floats) -> PlaybackClip:
+    """Return the draft with steps within the robot's reach; its body follows them.
+
+    Raises:
+        BalanceError: the motion leaves the floor.
+    """
+    graph, fps, ground = ik.graph, ik.graph.fps, SolidGround(ik.graph.bodies)
+    corners = ik.corners(draft)
+    exact = StepRule(speed=FLAT) if graph.match.recognition.segments else None
+    planted = planted_feet(graph.human.contacts, ik.feet, corners, ik.leg, fps, exact, ground)
+    own = stand_places(ik)
+    corners = spread(corners, own)
+    kept = without_small_swings(planted, corners, ik.leg, fps, ground=ground)
+    if kept.all() or graph.bodies is not None:  # a shorter step would miss its place next to a body
+        return PlaybackClip(graph, draft, corners, kept, fps, ground=ground)
+    placed = reachable_footholds(kept, corners, own, ik.leg)
+    root = slice(ik.robot.root_address, ik.robot.root_address + 2)
+    posed = np.array(draft)
+    posed[:, root] += gaussian_filter1d((placed - corners).mean(axis=(1, 2))[:, :2], SWAY * fps, axis=0, mode="nearest")
+    stride = total_step_length(kept, placed) / max(total_step_length(kept, corners), 1e-9)
+    return PlaybackClip(graph, posed, placed, kept, fps, stride)

@@ -1,0 +1,166 @@
+"""Frames of a graph with the soles at given places and the centre of mass over given points.
+
+The same solver runs with two additional kinds of edges, `foothold` at places that balance chooses and `mass`. Arms,
+trunk and head follow the human's distances and directions as far as feet and mass allow.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from robot_retarget.base.arrays import Floats
+from robot_retarget.graph.describe import RobotGraph
+from robot_retarget.graph.kinds.mass import MassKind
+from robot_retarget.graph.phase import PlaybackPhase, StandPhase
+from robot_retarget.graph.role import Form, Role
+from robot_retarget.graph.track import HARD, Track
+from robot_retarget.human.match import Match
+from robot_retarget.robot import Points, Robot, world_points
+from robot_retarget.robot.feet import CORNERS, sole_corners
+from robot_retarget.robot.kinematics import carrying, mass_function
+from robot_retarget.solver.clip import measured_by, renewed
+from robot_retarget.solver.compiled import Mapped
+from robot_retarget.solver.problem import build_problem, targets_of
+from robot_retarget.solver.sqp import FrameSolver
+
+
+@dataclass(frozen=True)
+class BalanceOptions:
+    """Options of a planted robot; lengths are shares of a leg."""
+
+    margin: float = 0.035
+    """Distance between links: arms that lag meet knees in a walk with less, thighs meet the trunk in a squat with more."""
+    speed: float = 0.8
+    """Usable share of the joints' speeds: servos under load are slower."""
+    bent: float = 0.12
+    """Least bend of a knee: a nearly straight leg has two ways to stand [rad]."""
+    swing: float = 1e3
+    """π of a swing foot on its path, over the squared leg."""
+    height: float = 20.0
+    """π of the pelvis' height, over the squared leg."""
+    upright: float = 20.0
+    """π of the pelvis' orientation in a stand, and of its joints at their standing angles [1/rad²] ..."""
+    standing: float = 1.0
+    """... from which a lead-in starts and at which a lead-out ends."""
+    crouch: float = 0.04
+    """Depth of a stand's pelvis below that of the robot's standing pose: straight knees cannot shift weight."""
+
+
+class BalancedIk:
+    """Plant the robot of one graph: feet F in the order of `feet`, corners in the order of `soles.CORNER_NAMES`."""
+
+    robot: Robot
+    match: Match
+    options: BalanceOptions
+    leg: float
+    feet: tuple[str, ...]
+
+    def __init__(self, graph: RobotGraph, options: BalanceOptions | None = None):
+        self.robot, self.match, self.options = graph.robot, graph.match, options or BalanceOptions()
+        self.leg, self.feet = graph.match.robot_leg, tuple(graph.match.anatomy.soles)
+        own = self.options
+        self.graph: RobotGraph = with_margin(with_bent_knees(graph, own.bent), self.leg * own.margin)
+        """The graph with the limits of a playback."""
+        tracks = [*self.graph.tracks, MassKind().track(np.zeros((len(graph), 2)), self.leg)]
+        problem = build_problem(self.robot, self.match, tracks, native=True)
+        self.solver: FrameSolver = FrameSolver(problem)
+        q = ca.MX.sym("q", self.robot.model.nq)
+        self._mass = Mapped(ca.Function("mass", [q], [ca.densify(mass_function(self.robot)(q)[0])]))
+
+    def corners(self, qpos: Floats) -> Floats:
+        """Return (T, F, 4, 3) the soles' corners at configurations (T, nq) [m]."""
+        found = [world_points(self.robot, sole_corners(self.match.anatomy, foot), qpos) for foot in self.feet]
+        return np.stack(found, axis=1)
+
+    def centres(self, qpos: Floats) -> Floats:
+        """Return (T, 3) centres of mass [m]."""
+        return np.array([self._mass(q)[0] for q in qpos])
+
+    @cached_property
+    def soles(self) -> Points:
+        """All corners of all soles."""
+        corners = [sole_corners(self.match.anatomy, foot) for foot in self.feet]
+        return Points(np.concatenate([c.bodies for c in corners]), np.concatenate([c.offsets for c in corners]))
+
+    @cached_property
+    def leg_dofs(self) -> np.ndarray:
+        """(nv,) whether a dof moves a sole but not the pelvis."""
+        moves = carrying(self.robot.model)
+        soles = [moves[int(sole.bodies[0])] for sole in self.match.anatomy.soles.values()]
+        return np.logical_or.reduce(soles) & ~moves[self.match.anatomy.sites["pelvis"].body]
+
+    @property
+    def leg_coordinates(self) -> np.ndarray:
+        """Indices in qpos of the hinges between pelvis and soles."""
+        return self.robot.qpos_index[self.leg_dofs[self.robot.dof_index]]
+
+    def playback(self, share: Floats, places: Floats, planted: np.ndarray) -> PlaybackPhase:
+        """Return K frames with a share (K, 1) of the human's motion, soles at (K, F, 4, 3) [m], feet (K, F) planted."""
+        return PlaybackPhase(share, *self._soles(places, planted), *self._pulls)
+
+    def stand(self, start: Floats, places: Floats, centre: Floats, frame: int = 0) -> Floats:
+        """Return (nq,) the standing pose in balance among the bodies of a frame: soles at places (F, 4, 3), mass over a point (2,)."""
+        both = np.ones((1, len(self.feet)), bool)
+        stand = StandPhase(np.zeros((1, 1)), *self._soles(places[None], both), *self._pulls)
+        measured = measured_by(self.solver.problem, self.graph, start[None])
+        tracks = renewed([track.at([frame]) for track in self.graph.tracks], measured, stand)
+        targets = targets_of([*tracks, MassKind().track(centre[None], self.leg)]).at(0)
+        pose = self.solver.solve_frame(start, targets, iterations=60, tolerance=1e-7)
+        return self.solver.raise_above_floor(pose, targets).qpos
+
+    def targets(
+        self, graph: RobotGraph, at: Floats, stands: Sequence[Floats], playback: PlaybackPhase, centre: Floats
+    ) -> list[Track]:
+        """Return the tracks of a playback.
+
+        Args:
+            graph: the human's targets, frame by frame of the clip.
+            at: (K,) the frame of the clip at each frame of the playback.
+            stands: the configurations (nq,) before and after.
+            centre: (K, 2) places of the centre of mass [m].
+        """
+        first = np.arange(len(at))[:, None] < len(at) // 2
+        before, after = (measured_by(self.solver.problem, self.graph, stand[None]) for stand in stands)
+        measured = {name: np.where(first, values, after[name]) for name, values in before.items()}
+        tracks = renewed([track.resampled(at) for track in graph.tracks], measured, playback)
+        return [*tracks, MassKind().track(centre, self.leg)]
+
+    def _soles(self, places: Floats, planted: np.ndarray) -> tuple[Floats, Floats]:
+        """Return places (K, F · 4 · 3) of the sole corners [m], and π of these."""
+        grip = np.repeat(np.where(planted, HARD, self.options.swing), 3 * CORNERS, axis=1)
+        return places.reshape(len(places), -1), grip
+
+    @property
+    def _pulls(self) -> tuple[float, float, float]:
+        return self.options.standing, self.options.upright, self.options.height
+
+
+def with_bent_knees(graph: RobotGraph, bent: float) -> RobotGraph:
+    """Return the graph with joint ranges that exclude knees that are straight or bent backward."""
+    robot, anatomy = graph.robot, graph.match.anatomy
+    for knee in ("l_knee", "r_knee"):
+        own = robot.model.jnt_bodyid[robot.joint_ids] == anatomy.sites[knee].body
+        own &= robot.lower < robot.upper  # a frozen knee keeps its angle
+        for hinge in np.flatnonzero(own)[-1:].tolist():
+            ends = robot.joint_names[hinge], "zero"
+            lower, upper = float(robot.lower[hinge]), float(robot.upper[hinge])
+            if abs(upper) > abs(lower):
+                graph = graph.with_bounds(ends, lower=max(lower, bent))
+            else:
+                graph = graph.with_bounds(ends, upper=min(upper, -bent))
+    return graph
+
+
+def with_margin(graph: RobotGraph, margin: float) -> RobotGraph:
+    """Return the graph with a margin between surfaces of links [m]; bodies keep theirs, which feet come near to on purpose."""
+    kinds = [(track.role, track.kind.form, track.kind.bodies(track)) for track in graph.tracks]
+    tracks = (
+        track.bounded(np.where(track.lower > 0, margin, track.lower), np.inf)
+        if kind == (Role.INEQUALITY, Form.NUMERIC, None)
+        else track
+        for track, kind in zip(graph.tracks, kinds, strict=True)
+    )
+    return replace(graph, tracks=tuple(tracks))

@@ -1,0 +1,191 @@
+"""A clip laid out in time, from a stand at its pace into a stand, with its targets and its supports."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.ramps import JERK_PEAK, minimum_jerk
+from robot_retarget.graph.describe import RobotGraph
+from robot_retarget.graph.soles import flattened, heading
+from robot_retarget.robot.kinematics import difference, integrate
+from robot_retarget.robot.support import Planes, Polygon, joined, level_planes, planes_through, support
+from robot_retarget.robot.timing import sample
+from robot_retarget.scene.ground import SolidGround
+from robot_retarget.solver.balance.balanced_ik import BalancedIk
+from robot_retarget.solver.balance.foot_spacing import GAP, gaps
+from robot_retarget.solver.balance.stand import balanced_stand, stand_places
+from robot_retarget.solver.balance.swing import foothold_places, laid_on
+from robot_retarget.solver.balance.timeline import Timeline
+from robot_retarget.solver.balance.zmp import Steadiness, ZmpPlan, plan_centre
+from robot_retarget.trajectory import Trajectory
+
+LEAD = 1.5
+"""Least time from the stand to the clip's first pose, and from its last pose back [s]."""
+LIFT = 0.8
+"""Additional time to lift or put down a foot that is in the air in that pose [s], multiplied by the local slowdown
+..."""
+SLOWEST_LIFT = 2.5
+"""... up to this factor ..."""
+SETTLED = 0.4
+"""... with the weight on the other foot for this time before [s]."""
+LEAD_SPEED = 1.2
+"""Peak joint speed on the transition [rad/s]."""
+ARC = 0.1
+"""Least height of a swing foot's arc, over the leg length."""
+
+
+@dataclass(frozen=True)
+class PlaybackClip:
+    """A clip to be played: T frames."""
+
+    graph: RobotGraph
+    """The graph of the human's targets."""
+    qpos: Floats
+    """(T, nq) approximate solutions."""
+    corners: Floats
+    """(T, F, 4, 3) corners of the soles [m]."""
+    planted: np.ndarray
+    """(T, F) feet on the floor."""
+    fps: float
+    stride: float = 1.0
+    """Scale of the path along the floor."""
+    ground: SolidGround = field(default_factory=SolidGround)
+    """Under the feet."""
+
+
+@dataclass(frozen=True)
+class PlaybackPlan:
+    """The targets of every frame of a playback, and the plan of the centre of mass."""
+
+    timeline: Timeline
+    targets: Floats
+    """(K, nq)."""
+    places: Floats
+    """(K, F, 4, 3) of the soles [m]."""
+    stands: tuple[Floats, Floats]
+    """The configurations (nq,) of the first and the last stand."""
+    supports: list[Polygon]
+    planes: Planes
+    """Through the planted soles of every frame."""
+    zmp: ZmpPlan
+    slowdown: float
+    stride: float
+
+    @property
+    def reach(self) -> Floats:
+        """(K,) distance from the middle of each support to its nearest edge [m]."""
+        return np.array([p.margin(p.middle) for p in self.supports])
+
+
+def plan_playback(ik: BalancedIk, clip: PlaybackClip, stretch: Floats, how: Steadiness) -> PlaybackPlan:
+    """Plan time, footholds and balance of a clip.
+
+    Args:
+        ik: gives stands, soles and centres of mass.
+        clip: T frames of the draft and their planted feet.
+        stretch: (T − 1,) duration of each frame over its own [-].
+        how: conditions on the centre of mass.
+    """
+    ends = [_end_places(ik, clip, t) for t in (0, -1)]
+    stands = [balanced_stand(ik, places, t) for places, t in zip(ends, (0, -1), strict=True)]
+    timeline = timeline_of(ik, clip, stands, stretch)
+    targets = _target_poses(ik, clip, stands, timeline)
+    places = _places(ik, clip, ends, timeline)
+    (supports, planes), centre = _supports(timeline, places, clip.ground), ik.centres(targets)
+    over = np.array([s.middle for s in supports]) if clip.planted.all() else centre[:, :2]
+    lever = (centre[:, 2] - planes.places[:, 2]) / ik.robot.gravity
+    plan = plan_centre(over, lever, supports, clip.fps, how)
+    ends_at = (stands[0], stands[1])
+    return PlaybackPlan(timeline, targets, places, ends_at, supports, planes, plan, float(stretch.mean()), clip.stride)
+
+
+def timeline_of(ik: BalancedIk, clip: PlaybackClip, stands: list[Floats], stretch: Floats) -> Timeline:
+    """Place the clip in time between its two stands.
+
+    Args:
+        ik: knows the robot's hinges.
+        clip: T frames.
+        stands: configurations (nq,) before and after.
+        stretch: (T − 1,) duration of each frame over its own [-].
+    """
+    fps, last = clip.fps, len(clip.qpos) - 1
+    times = np.concatenate([[0.0], np.cumsum(stretch)]) / fps
+    inside = np.interp(np.arange(1, int(times[-1] * fps)) / fps, times, np.arange(last + 1))
+    lifts = (0.0 if clip.planted[t].all() else LIFT * min(stretch[t], SLOWEST_LIFT) for t in (0, -1))
+    up, down = (round(lift * fps) for lift in lifts)
+    lead = _lead_shares(ik, stands[0], clip, 0, up)
+    tail = _lead_shares(ik, stands[1], clip, -1, down)
+    at = np.concatenate([np.zeros(len(lead)), inside, np.full(len(tail), last)])
+    share = np.concatenate([lead, np.ones(len(inside)), tail[::-1]])
+    planted = clip.planted[np.round(at).astype(int)]
+    planted[: len(lead) - up] = True
+    planted[len(at) - len(tail) + down :] = True
+    return Timeline(at, share, planted, fps)
+
+
+def _lead_shares(ik: BalancedIk, stand: Floats, clip: PlaybackClip, frame: int, lift: int) -> Floats:
+    """Return shares from 0 to 1 with minimum jerk within the joint speed, then `lift` frames for a foot in the air."""
+    index = ik.robot.qpos_index
+    way = np.abs(clip.qpos[frame, index] - stand[index]).max()
+    count = max(2, round(max(LEAD, JERK_PEAK * way / LEAD_SPEED) * clip.fps))
+    shares = minimum_jerk(np.linspace(0.0, 1.0, count))
+    lifting = lift + round(SETTLED * clip.fps) if lift else 0
+    return np.concatenate([shares, np.ones(lifting)])
+
+
+def _target_poses(ik: BalancedIk, clip: PlaybackClip, stands: list[Floats], timeline: Timeline) -> Floats:
+    """Return (K, nq) the draft at the timeline's times, blended with the stands joint by joint."""
+    robot = ik.robot
+    trajectory = Trajectory(clip.qpos, clip.fps, robot.joint_names, robot.name)
+    targets = sample(trajectory, robot, timeline.at / clip.fps)
+    middle = len(timeline.at) // 2
+    for k in np.flatnonzero(timeline.share < 1):
+        stand = stands[0] if k < middle else stands[1]
+        targets[k] = integrate(robot, stand, timeline.share[k] * difference(robot, stand, targets[k]))
+    return targets
+
+
+def _end_places(ik: BalancedIk, clip: PlaybackClip, frame: int) -> Floats:
+    """Return (F, 4, 3) the feet before or after the clip; a foot in the air goes to its place next to the other."""
+    corners, planted = clip.corners[frame], clip.planted[frame]
+    own, lift = stand_places(ik), ARC * ik.leg
+    if not planted.all() and planted.any():
+        target, stand = flattened(corners[planted][0]), own[planted][0]
+        spin = Rotation.from_euler("z", heading(target[None]) - heading(stand[None])).as_matrix()
+        beside = target.mean(axis=0) + (own - stand.mean(axis=0)) @ spin.T
+        corners = beside + np.array([0.0, 0.0, corners[planted][0][:, 2].min()])
+    return np.stack([laid_on(clip.ground, sole, lift) for sole in corners])
+
+
+def _places(ik: BalancedIk, clip: PlaybackClip, ends: list[Floats], timeline: Timeline) -> Floats:
+    """Return (K, F, 4, 3) places of the soles."""
+    before = np.minimum(timeline.at.astype(int), len(clip.corners) - 2)
+    part = (timeline.at - before)[:, None, None, None]
+    corners = clip.corners[before] * (1 - part) + clip.corners[before + 1] * part
+    first, last = np.flatnonzero(timeline.at > 0)[0], np.flatnonzero(timeline.at < timeline.at[-1])[-1]
+    for frames, places, frame in ((slice(0, first), ends[0], 0), (slice(last + 1, None), ends[1], -1)):
+        aside = timeline.planted[frames] & ~clip.planted[frame]
+        corners[frames] = np.where(aside[:, :, None, None], places, corners[frames])
+    gap = GAP * float(gaps(stand_places(ik)[None])[0])
+    return foothold_places(timeline.planted, corners, ARC * ik.leg, gap, clip.ground)
+
+
+def _supports(timeline: Timeline, places: Floats, ground: SolidGround) -> tuple[list[Polygon], Planes]:
+    """Return K hulls of the planted soles, and the planes through them."""
+    known: dict[bytes, tuple[Polygon, Planes]] = {}
+    found = []
+    for planted, corners in zip(timeline.planted, places, strict=True):
+        key = corners[planted].tobytes()
+        if key not in known:
+            known[key] = _support(corners[planted], ground)
+        found.append(known[key])
+    supports, planes = zip(*found, strict=True)
+    return list(supports), joined(planes)
+
+
+def _support(soles: Floats, ground: SolidGround) -> tuple[Polygon, Planes]:
+    """Return the hull of soles (S, 4, 3) that stand, and the plane through them."""
+    points, _, normals = (np.concatenate(part) for part in zip(*(ground.footing(sole) for sole in soles), strict=True))
+    return support(points), level_planes(1) if ground.level else planes_through([points], [normals])

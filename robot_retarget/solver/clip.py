@@ -1,0 +1,122 @@
+"""The whole clip at once: a coarse path through the candidates, then passes over windows with targets that depend on it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from robot_retarget.base.arrays import Bools, Floats
+from robot_retarget.base.progress import Count
+from robot_retarget.graph.describe import RobotGraph
+from robot_retarget.graph.phase import CoarsePhase, Phase, SolvedPhase
+from robot_retarget.graph.status import Status
+from robot_retarget.graph.track import Track, concatenated
+from robot_retarget.solver.candidates import coarse_path
+from robot_retarget.solver.descent import FrameSolution
+from robot_retarget.solver.options import Search, Smoothing
+from robot_retarget.solver.passes import Passes, clip_of, finished
+from robot_retarget.solver.problem import Problem, targets_of
+from robot_retarget.solver.sqp import FrameSolver
+from robot_retarget.solver.windows import ClipPiece
+
+COARSE = 4
+"""The coarse path takes about as long as this number of passes; the progress counts it as such."""
+
+UNREACHED = 0.01
+"""A hard edge that the solved clip misses by more is out of reach [m]."""
+
+
+def clip_poses(
+    solver: FrameSolver,
+    graph: RobotGraph,
+    search: Search,
+    smoothing: Smoothing,
+    count: Count,
+    part: ClipPiece | None = None,
+) -> tuple[list[FrameSolution], RobotGraph]:
+    """Solve the windows in order. Returns poses and the graph with renewed tracks (`Kind.renewed`).
+
+    Args:
+        part: which windows, after which known frames; by default all windows of the graph.
+    """
+    known = part.known if part else ()
+    poses = [FrameSolution(q, Status.CONVERGED, 0.0, 0) for q in known]
+    asked: list[list[Track]] = []
+    windows = part.windows if part else tuple(smoothing.windows.cut(len(graph), graph.fps))
+    count.expect(COARSE * len(graph) + smoothing.passes * sum(w.last - w.first - w.fixed for w in windows))
+    path = coarse_path(solver, graph, targets_of(coarse_tracks(graph)), search, list(known))
+    count.advance(COARSE * len(graph))
+    for window in windows:
+        own = graph.frames(window.first, window.last)
+        coarse = np.array([*(pose.qpos for pose in poses[window.first :]), *path[len(poses) : window.last]])
+        tracks, found = _window_poses(solver, own, coarse, smoothing, window.fixed, count)
+        kept = slice(window.fixed, window.final - window.first)
+        poses += found[kept]
+        asked.append([track.at(kept) for track in tracks])
+    solved = graph if part is None else graph.at(slice(len(known), len(poses)))
+    renewed = tuple(concatenated(parts) for parts in zip(*asked, strict=True))
+    return poses[len(known) :], replace(solved, tracks=renewed)
+
+
+def _window_poses(
+    solver: FrameSolver, graph: RobotGraph, coarse: Floats, smoothing: Smoothing, fixed: int, count: Count
+) -> tuple[list[Track], list[FrameSolution]]:
+    """Return the tracks and the poses of a window; hard edges that all passes but one miss are left out."""
+    tracks = renewed_tracks(solver, graph, coarse, fixed)
+    passes = Passes(clip_of(solver, tracks, smoothing, graph.fps, fixed), coarse)
+    passes.take(smoothing.passes - 1, count)
+    unreached = solver.problem.missed(passes.qpos, passes.clip.all_targets) > UNREACHED
+    if unreached.any():
+        again = renewed_tracks(solver, graph, coarse, fixed, unreached)
+        if any((one.priority != other.priority).any() for one, other in zip(tracks, again, strict=True)):
+            tracks = again
+            passes.renew(clip_of(solver, again, smoothing, graph.fps, fixed))
+    return tracks, finished(passes, count)
+
+
+def coarse_tracks(graph: RobotGraph) -> list[Track]:
+    """Return the tracks of the coarse path."""
+    return renewed(graph.tracks, {}, CoarsePhase())
+
+
+def renewed_tracks(
+    solver: FrameSolver, graph: RobotGraph, coarse: Floats, fixed: int = 0, unreached: Bools | None = None
+) -> list[Track]:
+    """Return the tracks of a graph with targets that depend on the coarse path.
+
+    Args:
+        solver: measures the edges.
+        graph: T frames.
+        coarse: (T, nq) configurations.
+        fixed: number of first frames that stay unchanged.
+        unreached: (T,) frames at which hard edges are out of reach.
+    """
+    return renewed(graph.tracks, measured_by(solver.problem, graph, coarse), SolvedPhase(fixed, unreached))
+
+
+def renewed(tracks: Sequence[Track], measured: Mapping[str, Floats], phase: Phase) -> list[Track]:
+    """Return tracks with their targets in a phase of the solution.
+
+    Args:
+        tracks: of T frames.
+        measured: name of the kind → (T, E) measured values, of the kinds that have them.
+        phase: the coarse path, a playback or a stand.
+    """
+    return [track.kind.renewed(track, measured.get(track.name), phase) for track in tracks]
+
+
+def measured_by(problem: Problem, graph: RobotGraph, qpos: Floats) -> dict[str, Floats]:
+    """Measure the edges of every symbolic cost; those that join frames outside the clip repeat its ends.
+
+    Args:
+        problem: the compiled measures.
+        graph: its tracks.
+        qpos: (T, nq) configurations.
+
+    Returns:
+        Name of the kind → (T, E) measured values.
+    """
+    every = problem.values(qpos)
+    ends = np.cumsum([len(track) for track in graph.costs])[:-1]
+    found = {track.name: part for track, part in zip(graph.costs, np.split(every, ends, axis=1), strict=True)}
+    return found | {cost.track.name: cost.values(qpos) for cost in problem.stencils}

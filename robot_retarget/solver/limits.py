@@ -1,0 +1,125 @@
+"""The rows of joint coordinates: ranges, speeds between frames, and weights of differences over frames."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from robot_retarget.base.arrays import Floats, Ints, as_slice
+from robot_retarget.graph.role import FRAME, Form, Role
+from robot_retarget.graph.track import Track
+from robot_retarget.robot import Robot
+from robot_retarget.robot.kinematics import tangent_names
+
+UNBOUNDED = 1e6
+"""Speed of a joint without a speed edge [rad/s]."""
+
+
+class Targets(Protocol):
+    """Targets (…, E) of all tracks: of one frame, or of all frames of a clip."""
+
+    @property
+    def lower(self) -> Floats: ...
+    @property
+    def upper(self) -> Floats: ...
+    @property
+    def priority(self) -> Floats: ...
+
+
+@dataclass(frozen=True, eq=False)
+class JointBounds:
+    """(…, n) each, of one frame or of all frames of a clip."""
+
+    lower: Floats
+    upper: Floats
+    """Angles [rad]."""
+    speed: Floats
+    """Largest speed from the frame before [rad/s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Differences:
+    """Costs on differences of joint coordinates over a stencil, per tangent direction."""
+
+    weight: Floats
+    """(…, nv) sum of π/scale²."""
+    bend: Floats
+    """(…, nv) weighted mean of the targets, 0 without costs [rad, m]."""
+    inertia: Floats
+    """(nv,) 1/scale² of the last of them, the weight of a direction against that of a hinge; 1 without such costs [-]."""
+
+
+class JointLimits:
+    """Reads the rows of joint coordinates from targets."""
+
+    def __init__(self, robot: Robot, tracks: Sequence[Track], columns: Mapping[str, slice]):
+        """Find the rows of tracks whose targets have the given columns."""
+        self.robot = robot
+        self._bounds = [
+            (track.stencil == FRAME, columns[track.name], _indices(robot.joint_names, track))
+            for track in tracks
+            if track.role is Role.BOUND
+        ]
+        names = tangent_names(robot)
+        self._differences = [
+            (track.stencil, columns[track.name], _indices(names, track), 1 / track.scale**2)
+            for track in tracks
+            if (track.role, track.kind.form) == (Role.COST, Form.JOINT)
+        ]
+
+    def bounds(self, targets: Targets) -> JointBounds:
+        """Return the bounds of each hinge: the intersection of its range and of all its bound edges."""
+        shape = (*targets.lower.shape[:-1], len(self.robot.joint_names))
+        lower, upper, speed = np.empty(shape), np.empty(shape), np.empty(shape)
+        lower[:], upper[:], speed[:] = self.robot.lower, self.robot.upper, UNBOUNDED
+        for ranged, columns, hinges in self._bounds:
+            low, high = targets.lower[..., columns], targets.upper[..., columns]
+            if ranged:
+                lower[..., hinges] = np.maximum(lower[..., hinges], low)
+                upper[..., hinges] = np.minimum(upper[..., hinges], high)
+            else:
+                speed[..., hinges] = np.minimum(speed[..., hinges], np.minimum(-low, high))
+        return JointBounds(lower, upper, speed)
+
+    def differences(self, targets: Targets, stencil: tuple[int, ...]) -> Differences:
+        """Return the costs on differences of joint coordinates over a stencil."""
+        nv = self.robot.model.nv
+        weight, inertia = np.zeros((*targets.lower.shape[:-1], nv)), np.ones(nv)
+        pull = np.zeros_like(weight)
+        for own, columns, directions, inverse in self._differences:
+            if own == stencil:
+                inertia[directions], each = inverse, targets.priority[..., columns] * inverse
+                weight[..., directions] += each
+                pull[..., directions] += each * targets.lower[..., columns]
+        return Differences(weight, pull / np.where(weight > 0, weight, 1.0), inertia)
+
+
+class ConstantLimits(JointLimits):
+    """The limits of a stream whose joint edges do not follow the human: they keep the targets of the first frame."""
+
+    def __init__(self, robot: Robot, tracks: Sequence[Track], columns: Mapping[str, slice]):
+        super().__init__(robot, tracks, columns)
+        self._bounds_of: dict[tuple[int, ...], JointBounds] = {}
+        self._costs_of: dict[tuple[tuple[int, ...], tuple[int, ...]], Differences] = {}
+        """By the shape of the targets, and by the stencil."""
+
+    def bounds(self, targets: Targets) -> JointBounds:
+        """Return the bounds of each hinge."""
+        shape = targets.lower.shape
+        if shape not in self._bounds_of:
+            self._bounds_of[shape] = super().bounds(targets)
+        return self._bounds_of[shape]
+
+    def differences(self, targets: Targets, stencil: tuple[int, ...]) -> Differences:
+        """Return the costs on differences of joint coordinates over a stencil."""
+        key = targets.lower.shape, stencil
+        if key not in self._costs_of:
+            self._costs_of[key] = super().differences(targets, stencil)
+        return self._costs_of[key]
+
+
+def _indices(names: Sequence[str], track: Track) -> Ints | slice:
+    """Return the indices of the first ends of a track among names."""
+    places = {name: k for k, name in enumerate(names)}
+    return as_slice(np.array([places[end] for end, _ in track.ends], dtype=np.int64))

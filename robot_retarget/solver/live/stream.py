@@ -1,0 +1,244 @@
+"""A live stream: takes a frame of the human, returns a configuration within a millisecond."""
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from itertools import repeat
+from math import inf, isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import UsageError
+from robot_retarget.graph.describe import among, describe
+from robot_retarget.graph.kind import Kind
+from robot_retarget.graph.kinds import stream_kinds
+from robot_retarget.graph.status import Status
+from robot_retarget.graph.weights import Weights
+from robot_retarget.human.live_scene import LiveScene
+from robot_retarget.human.motion import Motion
+from robot_retarget.human.read import as_motion
+from robot_retarget.human.skeleton import Skeleton
+from robot_retarget.robot import Robot, as_robot
+from robot_retarget.scene import Scene, read_scene
+from robot_retarget.solver.honoured import require_kinds
+from robot_retarget.solver.live.follower import Follower, StreamInput, StreamPose
+from robot_retarget.solver.options import RealTime
+
+CALIBRATED = 1.0
+"""Time for which an unknown performer is observed before the robot follows [s]."""
+LEAST = 12
+"""Smallest number of frames for which a performer is observed."""
+FARTHEST = 1000.0
+"""A joint farther away is an invalid position [m]."""
+
+SHORTEST = 1e-6
+"""A quaternion whose largest component is smaller is no rotation [-]."""
+
+
+class Stream:
+    """A robot that follows a performer, causal and in bounded memory.
+
+    The first second determines the performer's bones, floor and axes; the robot stands until then, and eases into the
+    motion.
+    """
+
+    robot: Robot
+    skeleton: Skeleton
+    options: RealTime
+    weights: Weights | None
+    native: bool
+
+    def __init__(
+        self,
+        robot: Robot | str | Path,
+        skeleton: Skeleton,
+        *,
+        calibration: Motion | None = None,
+        lag: int = 0,
+        options: RealTime | None = None,
+        weights: Weights | None = None,
+        kinds: Iterable[Kind] | None = None,
+        native: bool = True,
+        scene: Scene | str | Path | None = None,
+        scene_scale: float | None = None,
+    ):
+        """Set up the stream for a robot and the performer's joints.
+
+        Args:
+            calibration: a motion of the same skeleton that replaces the observation of the first second; the robot then
+                follows at once.
+            lag: number of frames by which a pose is delayed; a larger lag is smoother.
+            kinds: the kinds of edges; None takes `stream_kinds` (`graph.kinds`).
+            native: use machine code as soon as it is ready.
+            scene: the bodies around the performer, or a file that `read_scene` reads; None takes those of the calibration, if
+                any. Each has its first pose until a frame brings another, or the pose of the joint that carries it.
+            scene_scale: size of the bodies around the robot over their captured size [-]; None scales them with the human.
+
+        Raises:
+            MatchError: the calibration shows no human, or the robot is no humanoid.
+            SceneError: the scene cannot be read, or does not fit the performer.
+            GraphError: a kind has a role, form and stencil that a stream cannot honour.
+            UsageError: the calibration has another skeleton, or the lag is negative.
+        """
+        if lag < 0:
+            raise UsageError(f"a stream lags by 0 frames or more, got {lag}")
+        self.lag = lag
+        self.robot, self.skeleton, self.options = as_robot(robot), skeleton, options or RealTime()
+        self.weights, self.native = weights, native
+        self.kinds = stream_kinds(lag) if kinds is None else tuple(kinds)
+        require_kinds(self.kinds, lag)
+        self.faults: Counter[str] = Counter()
+        """Number of frames, and of poses of bodies, that were not followed, by kind of fault."""
+        self.performer: Follower | None = None
+        self.around: LiveScene | None = None
+        """The bodies around the performer."""
+        scene = calibration.scene if scene is None and calibration is not None else scene
+        if scene is not None:
+            read = scene if isinstance(scene, Scene) else read_scene(scene)
+            sized = read if scene_scale is None else replace(read, scale=scene_scale)
+            self.around = LiveScene(sized, skeleton, self.faults)
+        self._watched: list[tuple[StreamInput, Floats | None]] = []
+        self._last: StreamPose | None = None
+        if calibration is not None:
+            if calibration.skeleton.names != skeleton.names:
+                raise UsageError("the calibration is of another skeleton: its joints have other names")
+            self.performer = self._calibrated(calibration)
+
+    @property
+    def calibration(self) -> Motion | None:
+        """The frames that calibrated the performer; pass them to the next stream to follow at once."""
+        return self.performer.graph.motion if self.performer else None
+
+    def wait(self) -> None:
+        """Wait until the machine code is ready or cannot be compiled.
+
+        Without this call the stream switches to it as soon as it is ready.
+        """
+        if self.performer is not None:
+            self.performer.problem.wait()
+
+    def push(
+        self,
+        positions: Floats,
+        rotations: Floats | None = None,
+        *,
+        time: float,
+        poses: Mapping[str, Floats] | None = None,
+    ) -> StreamPose:
+        """Return the configuration for a frame.
+
+        Args:
+            positions: (J, 3) positions of the joints, z up [m].
+            rotations: (J, 4) world rotations of the joints, w x y z; None if they are unknown.
+            time: time of the frame on the source's clock [s].
+            poses: (7,) by the names of bodies of the scene: x y z [m], quaternion w x y z. Others keep theirs.
+
+        Raises:
+            UsageError: the shapes do not match the skeleton.
+            MatchError: the observed frames show no human.
+        """
+        fault = self._fault(positions, rotations, time)
+        if fault:
+            self.faults[fault] += 1
+            return self._standing(time) if self._last is None else self._last
+        bodies = None if self.around is None else self.around.step(poses or {}, positions, rotations)
+        around = None if self.around is None or bodies is None else self.around.scene(bodies[None])
+        frame = StreamInput(positions, rotations, time, around)
+        if self.performer is None:
+            turns = None if rotations is None else np.array(rotations)
+            self._watched.append((replace(frame, positions=np.array(positions), rotations=turns), bodies))
+            first = self._watched[0][0].time
+            if time - first < CALIBRATED or len(self._watched) < LEAST:
+                return self._standing(time)
+            watched, self._watched = self._watched_motion(), []  # where it shows no human, another second is watched
+            self.performer = self._calibrated(watched)
+        if self.performer.targets is None or self._last is None:
+            self._last = self.performer.begin(frame, standing=self._last is not None)
+        else:
+            self._last = self.performer.follow(frame, time - self._last.time)
+        return self._last
+
+    def hold(self, time: float) -> StreamPose:
+        """Return the configuration without a new frame: the last targets stay, and the robot comes to rest."""
+        if self._last is None:
+            return self._standing(time)
+        if self.performer is None or self.performer.targets is None or time <= self._last.time:
+            return self._last
+        self._last = self.performer.rest(time, time - self._last.time)
+        return self._last
+
+    def _calibrated(self, motion: Motion) -> "Follower":
+        motion = motion if self.around is None else self.around.around(motion)
+        graph = describe(motion, self.robot, fps=motion.fps, weights=self.weights, kinds=self.kinds)
+        return Follower(graph, self.options, self.lag, self.native)
+
+    def _watched_motion(self) -> Motion:
+        """Return the watched frames as a motion at their mean rate."""
+        frames = [frame for frame, _ in self._watched]
+        positions = np.array([frame.positions for frame in frames])
+        turns = [frame.rotations for frame in frames]
+        rotations = None if any(turn is None for turn in turns) else np.array(turns)
+        motion = Motion(self.skeleton, positions, rotations, fps=(len(frames) - 1) / (frames[-1].time - frames[0].time))
+        if self.around is None:
+            return motion
+        return replace(motion, scene=self.around.scene(np.array([bodies for _, bodies in self._watched])))
+
+    def _standing(self, time: float) -> StreamPose:
+        self._last = StreamPose(self.robot.standing(), time, Status.CALIBRATING)
+        return self._last
+
+    def _fault(self, positions: Floats, rotations: Floats | None, time: float) -> str | None:
+        joints = len(self.skeleton)
+        if np.shape(positions) != (joints, 3) or (rotations is not None and np.shape(rotations) != (joints, 4)):
+            raise UsageError(
+                f"a frame of {joints} joints has positions ({joints}, 3) and rotations ({joints}, 4) or None"
+            )
+        if not (positions.min() > -FARTHEST and positions.max() < FARTHEST and isfinite(time)):
+            return "not finite"
+        if rotations is not None:
+            largest = np.abs(rotations).max(axis=1)
+            if not (largest.min() > SHORTEST and largest.max() < inf):
+                return "not finite"
+        if self._last is not None and time <= self._last.time:
+            return "not after the one before"
+        return None
+
+
+def stream(
+    robot: Robot | str | Path,
+    frames: Motion | str | Path | Iterable[tuple[Any, ...]],
+    skeleton: Skeleton | None = None,
+    **options: Any,
+) -> Iterator[Floats]:
+    """Yield configurations (nq,) one at a time, each from the frames until then.
+
+    Args:
+        robot: a robot, or a name or model file that `load_robot` loads.
+        frames: a motion or its file, which is also its calibration and is followed at its own rate; or positions (J, 3) [m],
+            rotations (J, 4) or None, time [s] of a skeleton's joints and, if bodies move, their poses by name.
+        options: those of `Stream`. Bodies of a scene around a motion move as the scene states.
+
+    Raises:
+        UsageError: frames come without a skeleton.
+        MatchError: the frames show no human.
+        SceneError: a body does not fit the motion.
+    """
+    if isinstance(frames, Motion | str | Path):
+        motion = among(as_motion(frames), options.pop("scene", None), options.pop("scene_scale", None))
+        options.setdefault("calibration", motion)
+        options["scene"] = motion.scene
+        skeleton, frames = motion.skeleton, _frames_of(motion)
+    if skeleton is None:
+        raise UsageError("frames alone do not say whose joints they are: give the skeleton too")
+    live = Stream(robot, skeleton, **options)
+    for positions, rotations, time, *poses in frames:
+        yield live.push(positions, rotations, time=time, poses=poses[0] if poses else None).qpos
+
+
+def _frames_of(motion: Motion) -> Iterator[tuple[Floats, Floats | None, float, Mapping[str, Floats]]]:
+    turns: Iterable[Floats | None] = motion.rotations if motion.rotations is not None else repeat(None)
+    for t, (positions, rotations) in enumerate(zip(motion.positions, turns, strict=False)):
+        yield positions, rotations, t / motion.fps, motion.poses_at(t)

@@ -1,0 +1,101 @@
+"""Machine code for CasADi functions: compiled once, kept in the user's cache, always optional.
+
+The C code performs the operations of CasADi's virtual machine in the same order, so results agree to the last bit.
+Without a compiler or a writable cache, the virtual machine evaluates the functions.
+
+A library is loaded into this process, so it is checked first (`cache.py`). A library that fails a check is compiled again.
+
+Building the expressions takes longer than loading their libraries. A file named by the key of the build (`build_key.py`)
+lists these libraries, so a later process loads them without building.
+"""
+
+import hashlib
+import os
+import platform
+import re
+import shutil
+import subprocess
+from collections.abc import Mapping
+from pathlib import Path
+
+import casadi as ca
+
+from robot_retarget.base.cache import PATIENCE, PRIVATE, cache_folder, is_own, is_sound, keeping, private_cache
+from robot_retarget.base.errors import OutputError
+from robot_retarget.base.files import replacing
+
+FLAGS = ("-Og", "-fPIC", "-shared", "-ffp-contract=off")
+"""Higher levels take longer to compile and run no faster; contracted products would change the rounding."""
+LISTED = re.compile(r"([0-9a-f]{64}) (\w+)")
+"""A library and its function, in the list of a build."""
+
+
+def machine_code(function: ca.Function) -> ca.Function | None:
+    """Compile the function with the C compiler `$CC`, by default `cc`, or load the cached library; return None if that fails."""
+    library = library_of(function)
+    return None if library is None else loaded(function.name(), library)
+
+
+def library_of(function: ca.Function) -> Path | None:
+    """Return the library of the function's machine code, compiled or cached; None if that fails."""
+    compiler = shutil.which(os.environ.get("CC", "cc"))
+    if compiler is None:
+        return None
+    try:
+        library = private_cache() / f"{_digest(function, compiler)}.so"
+        if not is_sound(library):
+            _compile(function, compiler, library)
+        return library
+    except (OutputError, OSError, subprocess.SubprocessError):
+        return None
+
+
+def loaded(name: str, library: Path) -> ca.Function | None:
+    """Load a function of a library; return None if the library has none."""
+    try:
+        return ca.external(name, str(library))
+    except RuntimeError:
+        return None
+
+
+def remember(key: str, libraries: Mapping[str, Path]) -> None:
+    """List the libraries of a build with this key, by the names of their functions, if the cache is writable."""
+    try:
+        with replacing(_listing(key), mode=PRIVATE) as scratch:
+            scratch.write_text("\n".join(f"{library.stem} {name}" for name, library in libraries.items()), "ascii")
+    except (OutputError, OSError):
+        return
+
+
+def remembered(key: str) -> list[ca.Function] | None:
+    """Load the functions of a build with this key; return None if a library is missing or fails a check."""
+    listing = _listing(key)
+    try:
+        lines = listing.read_text("ascii").splitlines() if is_own(listing) else []
+        listed = [match.groups() for line in lines if (match := LISTED.fullmatch(line))]
+        libraries = {name: cache_folder() / f"{digest}.so" for digest, name in listed}
+        found = [loaded(name, library) for name, library in libraries.items() if is_sound(library)]
+    except (OSError, ValueError):
+        return None
+    functions = [function for function in found if function is not None]
+    return functions if lines and len(functions) == len(lines) else None
+
+
+def _listing(key: str) -> Path:
+    """Return the file that lists the libraries of a build."""
+    return cache_folder() / f"{key}.libraries"
+
+
+def _digest(function: ca.Function, compiler: str) -> str:
+    """Return a hash of everything that determines the machine code."""
+    made_by = (compiler, *FLAGS, platform.machine(), *platform.libc_ver(), ca.CasadiMeta.version())
+    return hashlib.sha256("\n".join((function.serialize(), *made_by)).encode()).hexdigest()
+
+
+def _compile(function: ca.Function, compiler: str, library: Path) -> None:
+    """Write the library to a temporary file and rename it, because other processes may compile the same function."""
+    code = ca.CodeGenerator(function.name())
+    code.add(function)
+    with keeping(library) as scratch:
+        command = [compiler, *FLAGS, "-x", "c", "-", "-o", str(scratch), "-lm"]
+        subprocess.run(command, input=code.dump().encode(), check=True, capture_output=True, timeout=PATIENCE)

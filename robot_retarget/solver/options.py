@@ -1,0 +1,134 @@
+"""Options that set the effort and the accuracy of the search."""
+
+from dataclasses import dataclass, field
+
+from robot_retarget.solver.windows import Windows
+
+
+@dataclass(frozen=True)
+class SolveOptions:
+    """Options of the sequential quadratic program of one frame. Lengths are shares of a leg."""
+
+    iterations: int = 16
+    """Maximum number of steps per frame; twice as many from a start that is no neighbour."""
+    tolerance: float = 2e-5
+    """Stop when the best step lowers the cost by no more than this share of it [-]."""
+    trust_region: float = 0.5
+    """Largest step of one hinge in one iteration [rad]; twice this for the root [rad, m]."""
+    growth: float = 3.0
+    """Growth factor of the trust region after an accepted step [-]."""
+    damping: float = 1e-3
+    """Initial value of Levenberg's λ."""
+    refusals: int = 6
+    """Number of refused steps after which a descent stops; each accepted step cancels one of them."""
+    reach: float = 0.05
+    """Links nearer than this have rows in the quadratic program; with .03, hands that meet end in dearer poses."""
+    distance_cache_radius: float = 0.02
+    """Distances of links are extrapolated along their slopes until a joint turns by more [rad]."""
+    tolerated: float = 2e-4
+    """Deficit of the margin without a cost: distances bend along a step."""
+    overlap_cost: float = 1e6
+    """Cost of the squared deficit beyond that, over the squared leg."""
+    overlap: float = 5e-4
+    """Deeper interpenetration of links is not accepted [m]."""
+    floor_tolerance: float = 1e-4
+    """A start that violates an inequality by more takes its first steps at any cost [m]."""
+    threads: int = 1
+    """Threads that share the frames of a pass; the result does not depend on their number."""
+
+
+@dataclass(frozen=True)
+class Search:
+    """Options of the search for candidate poses over a clip; dynamic programming chooses a path among them."""
+
+    rate: float = 10.0
+    """Moments per second [1/s]."""
+    every: float = 0.3
+    """Time between the moments at which a descent begins in the reference pose [s] ..."""
+    reached: int = 12
+    """... and maximum number of its steps."""
+    dear: float = 0.06
+    """Share of these moments, the dearest, with several starts [-]; with half more, clips cost the same."""
+    starts: int = 8
+    """Number of starts with limbs drawn within their ranges, in addition to the reference and the standing pose."""
+    rough: int = 4
+    """Maximum number of steps of every start ..."""
+    finished: int = 4
+    """... and number of the cheapest ends that continue."""
+    drawn: int = 80
+    """Number of poses drawn per limb for these starts."""
+    iterations: int = 6
+    """Maximum number of steps to follow a candidate to the next moment."""
+    tolerance: float = 2e-3
+    """As `SolveOptions.tolerance`: a path is chosen before poses are exact."""
+    same: float = 0.15
+    """Two poses count as the same if all their hinges lie nearer than this [rad]."""
+    held: float = 0.03
+    """Weight that draws a pose to that of the moment before when it is followed [1/rad²]."""
+    change: float = 0.5
+    """Cost of a change of pose between moments [1/rad²] ..."""
+    beyond_speed: float = 30.0
+    """... and additional cost of the hinge angles beyond their speeds [1/rad²] ..."""
+    through: float = 2000.0
+    """... and of the depth of links that pass through each other, over the squared leg [-]."""
+
+
+@dataclass(frozen=True)
+class RealTime:
+    """Options of a stream: one frame after the other, as frames arrive."""
+
+    steps: float = 60.0
+    """Steps of the quadratic program per second; at least one per frame [1/s]."""
+    frequency: float = 3.3
+    """An edge of π = 1/rad² is followed like a mass on a spring of this natural frequency [1/s] ..."""
+    damping: float = 0.5
+    """... and this damping ratio [-]; a stronger edge is followed more closely."""
+    root_speed: float = 6.0
+    """Largest speed of the root [m/s] ..."""
+    root_turn: float = 25.0
+    """... and its largest angular speed [rad/s]."""
+    drawn: float = 40.0
+    """Weight that draws a delayed pose to the smooth path through the frames after it [1/rad²]."""
+    gap: float = 0.1
+    """After a longer time without a frame [s] ..."""
+    ease: float = 0.5
+    """... the joints regain their full speed within this time [s]."""
+    start: int = 32
+    """Steps at most to the first pose, from the standing one."""
+    home_rate: float = 30.0
+    """Steps per second that another pose takes from the standing one on [1/s] ..."""
+    home_steps: int = 16
+    """... and number of these steps before the two are compared."""
+    same: float = 1.0
+    """Poses with all hinges nearer than this are in one basin: one lags behind the other [rad]."""
+    worth: float = 0.8
+    """The robot moves to the second pose if it costs less than this share [-] ..."""
+    unhurried: float = 0.4
+    """... with this share of the joints' speeds on average [-]."""
+
+
+@dataclass(frozen=True)
+class Smoothing:
+    """Options of a whole clip: the alternating direction method of multipliers between frames and a smooth path."""
+
+    passes: int = 6
+    """Number of steps of every frame; 0 solves frame by frame."""
+    proximal: float = 24.0
+    """ρ, the weight that draws a frame to the smooth path [1/rad²]: half of it takes half the passes, but a far start
+    then overshoots."""
+    closing: float = 10.0
+    """Factor of ρ from the last pass on [-]: frames end near the smooth path."""
+    relaxation: float = 1.6
+    """α, over-relaxation of the frames towards the multipliers [-]; 1.5 … 1.8 saves a third of the passes."""
+    tolerance: float = 1e-5
+    """A pass leaves a frame unchanged if its best step lowers the cost by a smaller share [-]."""
+    collision_check: int = 2
+    """Number of the pass before which links that pass through each other between frames are detected."""
+    extra: int = 16
+    """Maximum number of further passes over the frames that have not converged."""
+    converged: float = 0.01
+    """A frame has converged if the last pass moved it by less [rad or m] ..."""
+    settled: float = 0.01
+    """... or lowered its cost by a smaller share [-]."""
+    windows: Windows = field(default_factory=Windows)
+    """The windows of a long clip."""

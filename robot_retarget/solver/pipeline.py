@@ -1,0 +1,203 @@
+"""The pipeline: describe a motion as a graph and solve it, in one call or two."""
+
+import time
+from dataclasses import replace
+from pathlib import Path
+
+from robot_retarget.base.errors import MatchError
+from robot_retarget.base.progress import Progress, consecutive
+from robot_retarget.graph.describe import RobotGraph, describe
+from robot_retarget.graph.kinds import KINDS
+from robot_retarget.graph.weights import Weights
+from robot_retarget.human.motion import Motion
+from robot_retarget.human.robot_performer import performed
+from robot_retarget.human.terrain import Terrain
+from robot_retarget.robot import Robot
+from robot_retarget.scene import Scene
+from robot_retarget.scores.plausibility import mismatch
+from robot_retarget.solver.balance.balance import balance_modes, in_balance
+from robot_retarget.solver.balance.balanced_ik import BalanceOptions
+from robot_retarget.solver.balance.playback import expected_steps
+from robot_retarget.solver.options import Search, Smoothing, SolveOptions
+from robot_retarget.solver.result import Result
+from robot_retarget.solver.solve import solve_graph
+from robot_retarget.trajectory import Trajectory
+
+EXACT = 3e-4
+"""Factor of smoothness, of the pull to the standing pose and of tolerances for a motion that a robot performs [-]: it is
+smooth already, and every joint has a target."""
+
+
+def solve(
+    graph: RobotGraph,
+    *,
+    options: SolveOptions | None = None,
+    search: Search | None = None,
+    smoothing: Smoothing | None = None,
+    legs: str = "auto",
+    balance: str = "auto",
+    progress: Progress | None = None,
+) -> Result:
+    """Solve a graph for the robot's joints.
+
+    Args:
+        options: tolerances and margins of a frame.
+        search: starts, and the moments at which poses are sought.
+        smoothing: passes over the whole clip; `Smoothing(passes=0)` solves frame by frame.
+        legs: with balance, `follow` tracks the human's legs and `stand` keeps both feet in place. `auto` follows if the
+            result is like the human's motion (`balance.Acceptable`), and otherwise stands and adds a note.
+        balance: `static` keeps the centre of mass over the planted soles, `dynamic` the zero moment point. Both begin and
+            end in a balanced stand and slow the motion down where necessary. `off` changes nothing. `auto` is off for robots
+            without a servo map (next to their MJCF, or given), and static for legs that stand. For other legs it is static,
+            and dynamic where steps in static balance are not `balance.Acceptable`.
+        progress: receives (steps done, steps in all) of draft and balance together; the second number may grow.
+
+    Raises:
+        MatchError: the solved motion is unlike the human's (`plausibility.mismatch`), no map file names the joints, and no edge is
+            the user's.
+        UsageError: an unknown choice of legs or balance, or legs that stand without balance.
+        BalanceError: the motion leaves the floor, the human is held up, or the robot has no feet.
+    """
+    modes = balance_modes(graph.robot, legs, balance)
+    graph = graph.balanced(BalanceOptions().speed) if modes else graph.unbalanced()  # the playback is no faster
+    draft, planting = progress, None
+    if modes and progress:
+        draft, planting = consecutive(progress, expected_steps(graph))
+    solution = solve_graph(graph, options=options, search=search, smoothing=smoothing, progress=draft)
+    doubt = mismatch(graph.human, graph.robot, solution.trajectory.qpos, graph.motion.source)
+    chosen = graph.mapped or any(track.kind.by_user for track in graph.tracks)
+    if doubt and not chosen and (smoothing is None or smoothing.passes):
+        raise MatchError(doubt)
+    if not modes:
+        return Result(solution.graph, solution, source=graph.motion, doubt=doubt)
+    began = time.perf_counter()
+    source = graph.motion
+    balanced, graph, solution = in_balance(solution.graph, solution, legs, modes, planting)
+    timings = {**solution.timings, "balance": time.perf_counter() - began}
+    return Result(graph, replace(solution, timings=timings), balanced, source, doubt)
+
+
+def retarget(
+    motion: Motion | str | Path,
+    robot: Robot | str | Path,
+    *,
+    fps: float | None = None,
+    overrides: str | Path | None = None,
+    weights: Weights | None = None,
+    preset: str = "balanced",
+    options: SolveOptions | None = None,
+    search: Search | None = None,
+    smoothing: Smoothing | None = None,
+    legs: str = "auto",
+    balance: str = "auto",
+    progress: Progress | None = None,
+    scene: Scene | str | Path | None = None,
+    scene_scale: float | None = None,
+    terrain: Terrain = "flat",
+) -> Result:
+    """Retarget a human motion to a robot: `describe`, then `solve`, which state the errors.
+
+    Args:
+        motion: a motion, or a file that `read_motion` reads.
+        robot: a robot, or a name or model file that `load_robot` loads.
+        fps: frames per second of the result; None takes the motion's own, 30 at most.
+        overrides: a TOML file that replaces lines of the keypoint map.
+        weights: weights of the kinds of edges.
+        preset: `directions` of limbs, `distances` between parts, or `balanced`.
+        options: tolerances and margins of a frame.
+        search: starts, and the moments at which poses are sought.
+        smoothing: passes over the whole clip.
+        legs: `auto`, `follow` or `stand`, with balance.
+        balance: `auto`, `static`, `dynamic` or `off`.
+        progress: receives (steps done, steps in all).
+        scene: the bodies around the human, or a file that `read_scene` reads.
+        scene_scale: size of the bodies around the robot over their captured size [-]; None scales them with the human.
+        terrain: `auto` adds boxes for the steps and seats that the motion shows.
+
+    Returns:
+        The trajectory with its graph and solution.
+    """
+    began = time.perf_counter()
+    graph = describe(
+        motion,
+        robot,
+        fps=fps,
+        overrides=overrides,
+        weights=weights,
+        preset=preset,
+        scene=scene,
+        scene_scale=scene_scale,
+        terrain=terrain,
+    )
+    prepared = time.perf_counter() - began
+    result = solve(
+        graph, options=options, search=search, smoothing=smoothing, legs=legs, balance=balance, progress=progress
+    )
+    timed = replace(result.solution, timings={"describe": prepared, **result.solution.timings})
+    return replace(result, solution=timed)
+
+
+def transfer(
+    trajectory: Trajectory,
+    source: Robot,
+    robot: Robot,
+    *,
+    fps: float | None = None,
+    weights: Weights | None = None,
+    preset: str = "balanced",
+    legs: str = "auto",
+    balance: str = "off",
+    progress: Progress | None = None,
+) -> Result:
+    """Carry the motion of one robot over to another; to itself, it is the identity within the solver's tolerance.
+
+    The source's forward kinematics is the performer (`human.robot_performer.performed`). Smoothness and the pull to the
+    standing pose have `EXACT` of their weights, and a swing foot follows its leg without a reference of its own. A hand
+    touches the other hand, the head or a knee; beside a robot's hip it passes without touching.
+
+    Args:
+        trajectory: configurations of the source.
+        source: the robot that moves.
+        robot: the robot that follows.
+        fps: frames per second of the result; None takes the trajectory's own, 30 at most.
+        weights: weights of the kinds of edges.
+        preset: `directions` of limbs, `distances` between parts, or `balanced`.
+        legs: `auto`, `follow` or `stand`, with balance.
+        balance: `off`, `static`, `dynamic` or `auto`.
+        progress: receives (steps done, steps in all).
+
+    Raises:
+        TrajectoryError: the trajectory belongs to another robot.
+        MatchError: one of the robots is no humanoid.
+    """
+    motion = performed(trajectory, source)
+    return carried(
+        motion, robot, fps=fps, weights=weights, preset=preset, legs=legs, balance=balance, progress=progress
+    )
+
+
+def carried(
+    motion: Motion,
+    robot: Robot,
+    *,
+    fps: float | None = None,
+    weights: Weights | None = None,
+    preset: str = "balanced",
+    legs: str = "auto",
+    balance: str = "off",
+    progress: Progress | None = None,
+) -> Result:
+    """Carry the motion of a robot performer over to a robot, as `transfer`; with balance, smoothness has its weight."""
+    given = weights or Weights()
+    exact = replace(given, rest=EXACT * given.rest, swing=0.0, zmp=0.0)
+    if not balance_modes(robot, legs, balance):
+        exact = replace(exact, smooth=EXACT * given.smooth, smooth_root=1.0, smooth_turn=1.0)
+    kinds = [kind.for_robot() for kind in KINDS]
+    return solve(
+        describe(motion, robot, fps=fps, weights=exact, preset=preset, kinds=kinds),
+        options=SolveOptions(tolerance=EXACT * SolveOptions.tolerance),
+        smoothing=Smoothing(passes=8, proximal=EXACT * Smoothing.proximal, closing=1.0),
+        legs=legs,
+        balance=balance,
+        progress=progress,
+    )

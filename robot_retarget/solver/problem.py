@@ -1,0 +1,259 @@
+"""One frame of a graph as CasADi functions: edges through forward kinematics to a quadratic model in the tangent v.
+
+    minimise  Σ π ϱ((d(q ⊕ v) − y)/scale)    subject to    z_sole(q ⊕ v) ≥ 0
+
+over the edges of all kinds (`graph.track`), with y the point of [lower, upper] nearest to d. J is the Jacobian of
+the measures, r = d − y the residuals and w = π/scale² · ϱ'(e)/2e the weights (iteratively reweighted least squares,
+whose model lies above ϱ everywhere). The model is  cost + 2 (Jᵀ W r)·v + vᵀ (Jᵀ W J) v.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from robot_retarget.base.arrays import Floats, Ints, as_slice
+from robot_retarget.graph.kinds import KINDS
+from robot_retarget.graph.role import Form, Role
+from robot_retarget.graph.symbolic_robot import SymbolicRobot
+from robot_retarget.graph.track import HARD, Track, columns_of, frame_costs, joins, ordered
+from robot_retarget.human.match import Match
+from robot_retarget.robot import Robot
+from robot_retarget.solver.build_key import build_key
+from robot_retarget.solver.compiled import Build, Upgraded
+from robot_retarget.solver.honoured import require_honoured
+from robot_retarget.solver.limits import ConstantLimits, JointLimits, Targets
+from robot_retarget.solver.stencils import StencilCost
+from robot_retarget.solver.targets import ClipTargets as ClipTargets
+from robot_retarget.solver.targets import EdgeTargets as EdgeTargets
+from robot_retarget.solver.targets import targets_of as targets_of
+
+
+class CompiledTracks:
+    """Some of a graph's tracks, side by side, as compiled functions."""
+
+    model: Upgraded
+    cost: Upgraded
+    values: Upgraded
+
+    def __init__(self, robot: Robot, match: Match, tracks: Sequence[Track], first: int, native: bool, shipped: bool):
+        """Assemble the functions of tracks whose edges begin with the graph's `first`."""
+        self.edges: slice = slice(first, first + sum(map(len, tracks)))
+        key = build_key(robot, match, tracks) if native else None
+        self.build: Build = Build(lambda: _cost_functions(robot, match, tracks, shipped), key)
+        self.model, self.cost, self.values = self.build.functions
+
+    def of(self, targets: Targets) -> tuple[Floats, Floats, Floats]:
+        """Return lower bounds, upper bounds and priorities of these edges."""
+        return targets.lower[..., self.edges], targets.upper[..., self.edges], targets.priority[..., self.edges]
+
+
+def _cost_functions(robot: Robot, match: Match, tracks: Sequence[Track], shipped: bool) -> list[ca.Function]:
+    """Return quadratic model, cost and measures of tracks as functions of q and of targets."""
+    body = SymbolicRobot(robot, match)
+    found = body.resolved([track.kind.measure(track, body) for track in tracks])
+    terms, q = _Terms(tracks, found.rows, shipped), body.bodies.q
+    targets = [ca.MX.sym(name, terms.edges) for name in ("lower", "upper", "priority")]
+    at, measure = ca.MX.sym("q", robot.model.nq), ca.Function("measure", [q], [found.values])
+    model = terms.model(ca.Function("slopes", [q], [found.values, found.slopes]), at, targets)
+    cost = ca.Function("cost", [at, *targets], [ca.densify(terms.around(measure(at), *targets)[0])])
+    values = ca.Function("values", [at], [ca.densify(ca.vec(measure(at)[found.rows.tolist()]))])
+    return [model, cost, values]
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """The compiled problem of one robot and the edges of a graph; it holds neither frames nor state."""
+
+    robot: Robot
+    match: Match
+    tracks: tuple[Track, ...]
+    """All tracks of the graph in the order of `track.ordered`; their targets are parameters."""
+    parts: tuple[CompiledTracks, ...]
+    inequalities: "Inequalities"
+    stencils: tuple[StencilCost, ...]
+    """The symbolic costs that join several frames."""
+    streams: bool = False
+    """Whether frames come one by one: edges that do not follow the human keep their targets."""
+
+    @cached_property
+    def columns(self) -> dict[str, slice]:
+        """The edges of each kind in targets."""
+        return columns_of(self.tracks)
+
+    @cached_property
+    def limits(self) -> JointLimits:
+        """The rows of joint coordinates."""
+        vary = any(t.kind.follows_human for t in self.tracks if t.role is Role.BOUND or t.kind.form is Form.JOINT)
+        limits = ConstantLimits if self.streams and not vary else JointLimits
+        return limits(self.robot, self.tracks, self.columns)
+
+    @property
+    def leg(self) -> float:
+        """Length of the robot's leg [m]."""
+        return self.match.robot_leg
+
+    @property
+    def native(self) -> bool:
+        """Whether machine code evaluates every part."""
+        return all(part.build.native for part in (*self.parts, *self.stencils))
+
+    def wait(self) -> None:
+        """Wait until the machine code is ready or cannot be compiled."""
+        for part in (*self.parts, *self.stencils, self.inequalities):
+            part.build.wait()
+
+    def model(self, q: Floats, targets: Targets, threads: int = 1) -> tuple[Floats, Floats, Floats]:
+        """The cost at configurations (…, nq), gradient (…, nv) and normal matrix (…, nv, nv)."""
+        found = [part.model(q, *part.of(targets), threads=threads) for part in self.parts]
+        (cost, gradient, normal), *others = found
+        for more in others:
+            cost, gradient, normal = cost + more[0], gradient + more[1], normal + more[2]
+        return cost[..., 0], gradient, normal
+
+    def cost(self, q: Floats, targets: Targets) -> Floats:
+        """The first of these alone (…)."""
+        return np.sum([part.cost(q, *part.of(targets))[0][..., 0] for part in self.parts], axis=0)
+
+    def missed(self, q: Floats, targets: Targets) -> Floats:
+        """Return (…) the largest distance of a hard edge from its interval [m]; 0 without hard edges."""
+        d = self.values(q)
+        lower, upper, priority = (side[..., : d.shape[-1]] for side in (targets.lower, targets.upper, targets.priority))
+        return np.where(priority >= HARD, np.abs(d - np.clip(d, lower, upper)), 0.0).max(axis=-1, initial=0.0)
+
+    def values(self, q: Floats) -> Floats:
+        """Return the measures (…, E) of the symbolic costs of one frame, which are the first edges."""
+        return np.concatenate([part.values(q)[0] for part in self.parts], axis=-1)
+
+
+class Inequalities:
+    """Symbolic inequalities as compiled rows  J v ≥ deficit; an upper bound is a row of opposite sign."""
+
+    def __init__(self, robot: Robot, match: Match, tracks: Sequence[Track], native: bool):
+        """Compile the rows of a problem's tracks, which are `ordered`."""
+        own = [track for track in tracks if (track.role, track.kind.form) == (Role.INEQUALITY, Form.SYMBOLIC)]
+        self._nv, every = robot.model.nv, columns_of(tracks)
+        key = build_key(robot, match, own) if native else None
+        self.build = Build(lambda: [_row_function(robot, match, own)], key)
+        (self._measure,) = self.build.functions
+        self.columns: dict[str, slice] = columns_of(own)
+        """The edges of each kind among these rows."""
+        own_edges = [edge for t in own for edge in range(every[t.name].start, every[t.name].stop)]
+        self.edges: Ints | slice = as_slice(np.array(own_edges, dtype=int))
+        self._below = _where([np.isfinite(t.lower).any(axis=0) | t.kind.follows_human for t in own])
+        self._above = _where([np.isfinite(t.upper).any(axis=0) | t.kind.follows_human for t in own])
+        self._raising: Ints | slice = as_slice(_where([np.full(len(t), t.kind.raises_root) for t in own]))
+        self._rows: Ints | slice = as_slice(self._below)
+
+    def __len__(self) -> int:
+        return len(self._below) + len(self._above)
+
+    def rows(self, q: Floats, targets: Targets) -> tuple[Floats, Floats]:
+        """Return slopes (…, R, nv) and deficits (…, R), bound minus value, at configurations (…, nq)."""
+        values, slopes = self._measure(q)
+        slopes, lower = slopes.reshape(*values.shape, self._nv), targets.lower[..., self.edges]
+        below = slopes[..., self._rows, :], (lower - values)[..., self._rows]
+        if not self._above.size:
+            return below
+        above = -slopes[..., self._above, :], (values - targets.upper[..., self.edges])[..., self._above]
+        return np.concatenate([below[0], above[0]], axis=-2), np.concatenate([below[1], above[1]], axis=-1)
+
+    def values(self, q: Floats) -> Floats:
+        """Return the measures (…, E) of the edges at configurations (…, nq)."""
+        return self._measure(q)[0]
+
+    def depth(self, q: Floats, targets: Targets) -> Floats:
+        """Return (…) by how much the root must rise to meet the kinds that raise it [m]."""
+        own, raising = targets.lower[..., self.edges], self._raising
+        return (own - self._measure(q)[0])[..., raising].max(axis=-1, initial=0.0)
+
+
+def _row_function(robot: Robot, match: Match, tracks: Sequence[Track]) -> ca.Function:
+    """Return the measures of inequalities and their slopes as a function of q."""
+    body = SymbolicRobot(robot, match)
+    found = body.resolved([track.kind.measure(track, body) for track in tracks])
+    rows = found.rows.tolist()
+    values, slopes = ca.vec(found.values[rows]), ca.densify(found.slopes[rows, :])
+    return ca.Function("inequalities", [body.bodies.q], [ca.densify(values), slopes])
+
+
+def _where(chosen: Sequence[Any]) -> Ints:
+    """Return the indices of the edges chosen by the masks of consecutive tracks."""
+    return np.flatnonzero(np.concatenate([np.zeros(0, bool), *chosen]))
+
+
+def build_problem(
+    robot: Robot, match: Match, tracks: Sequence[Track], native: bool = False, *, lag: int | None = None
+) -> Problem:
+    """Assemble the functions for a robot; targets stay parameters.
+
+    The kinds that describe every motion are one part. Each other kind is a separate part, so an edge that a user adds
+    leaves the compiled rest unchanged.
+
+    Args:
+        native: use machine code as soon as it is ready (`native.py`); before that, and without a compiler, CasADi's
+            virtual machine gives the same results.
+        lag: number of frames by which a stream lags; None for a clip.
+
+    Raises:
+        GraphError: a kind has a role, form and stencil that the solver cannot honour.
+    """
+    require_honoured(robot, tracks, lag)
+    tracks = ordered(tracks)
+    common, costs = {kind.name for kind in KINDS}, frame_costs(tracks)
+    groups = [[track for track in costs if track.name in common]]
+    groups += [[track] for track in costs if track.name not in common]
+    parts, columns = [], columns_of(tracks)
+    for group in groups:
+        if group:
+            first, shipped = columns[group[0].name].start, group is groups[0]
+            parts.append(CompiledTracks(robot, match, group, first, native and shipped, shipped))
+    joined = tuple(StencilCost(robot, match, track, columns[track.name], native) for track in tracks if joins(track))
+    inequalities = Inequalities(robot, match, tracks, native)
+    return Problem(robot, match, tracks, tuple(parts), inequalities, joined, lag is not None)
+
+
+class _Terms:
+    """The summed cost terms, as expressions of the measures."""
+
+    edges: int
+    rows: Ints
+
+    def __init__(self, tracks: Sequence[Track], rows: Ints, shipped: bool):
+        """Sum the terms of tracks; those of shipped kinds keep targets of single values, as they have them now."""
+        self.edges, self.rows = len(rows), rows
+        self.scale: Floats = np.concatenate([track.scale for track in tracks])
+        self.huber_delta: Floats = np.concatenate([np.full(len(track), track.huber_delta) for track in tracks])
+        self.open: list[int] = np.flatnonzero(
+            np.concatenate([np.full(len(track), not (shipped and track.exact)) for track in tracks])
+        ).tolist()
+        self.gather: ca.DM = ca.sparsify(ca.DM(np.eye(int(rows.max(initial=-1)) + 1)[rows].T))
+        """(M, E) matrix that sums edges over the rows they share."""
+
+    def around(self, values: ca.MX, lower: ca.MX, upper: ca.MX, priority: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
+        """Return the cost, and per row the sum of weighted residuals and the sum of weights."""
+        d = ca.vec(values[self.rows.tolist()])  # of a single row, indexing makes a row vector
+        residual, weight = d - lower, priority / self.scale**2
+        if self.open:
+            low, high, own = lower[self.open], upper[self.open], d[self.open]
+            residual[self.open] = ca.fmin(own - low, 0) + ca.fmax(own - high, 0)
+            weight[self.open] *= 1 - ca.logic_and(own > low, own < high)
+        soft = np.flatnonzero(np.isfinite(self.huber_delta)).tolist()
+        stiff = np.flatnonzero(~np.isfinite(self.huber_delta)).tolist()
+        cost = ca.dot(weight[stiff], residual[stiff] ** 2)
+        if soft:
+            huber_delta = ca.DM(self.huber_delta[soft])
+            root = ca.sqrt(1 + (residual[soft] / (self.scale[soft] * self.huber_delta[soft])) ** 2)
+            cost += ca.dot(2 * huber_delta**2 * priority[soft], root - 1)
+            weight[soft] /= root
+        return cost, self.gather @ (weight * residual), self.gather @ weight
+
+    def model(self, slopes: ca.Function, q: ca.MX, targets: list[ca.MX]) -> ca.Function:
+        """(q, lower, upper, π) ↦ cost, gradient (nv) and normal matrix (nv, nv)."""
+        values, jacobian = slopes(q)
+        cost, pull, weight = self.around(values, *targets)
+        normal = ca.triu2symm(ca.triu(jacobian.T @ (ca.diag(weight) @ jacobian)))
+        return ca.Function("model", [q, *targets], [ca.densify(each) for each in (cost, jacobian.T @ pull, normal)])

@@ -1,0 +1,128 @@
+"""Solve a graph: as a whole clip, or frame by frame."""
+
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.progress import Count, Progress
+from robot_retarget.graph.describe import RobotGraph
+from robot_retarget.graph.role import SECOND_DIFFERENCE, Form, Role
+from robot_retarget.graph.rows import Past
+from robot_retarget.graph.status import Status
+from robot_retarget.human.motion import Motion
+from robot_retarget.robot import Robot
+from robot_retarget.robot.kinematics import difference, tangent_names
+from robot_retarget.solver.causal import causal_poses
+from robot_retarget.solver.clip import clip_poses, measured_by
+from robot_retarget.solver.descent import FrameSolution
+from robot_retarget.solver.options import Search, Smoothing, SolveOptions
+from robot_retarget.solver.problem import Problem, build_problem, targets_of
+from robot_retarget.solver.solution import Solution
+from robot_retarget.solver.sqp import FrameSolver
+from robot_retarget.solver.unmet import unmet_edges
+from robot_retarget.solver.windows import ClipPiece
+from robot_retarget.trajectory import Trajectory
+
+WORTH_COMPILING = 60
+"""Number of frames from which a clip is worth the compile time of a C compiler, once per robot (`native.py`), for later
+clips."""
+
+
+def solve_graph(
+    graph: RobotGraph,
+    *,
+    problem: Problem | None = None,
+    options: SolveOptions | None = None,
+    search: Search | None = None,
+    smoothing: Smoothing | None = None,
+    progress: Progress | None = None,
+    part: ClipPiece | None = None,
+) -> Solution:
+    """Return the configurations that minimise the graph's edges within its limits.
+
+    Args:
+        problem: the result of `problem_of`, if it exists already.
+        smoothing: options of the whole clip; `Smoothing(passes=0)` solves frame by frame, each from the one before.
+        progress: receives the progress (`progress.Progress`).
+        part: the windows of a piece of a longer clip (`long.py`); by default the graph is a whole clip.
+    """
+    began = time.perf_counter()
+    chosen, smoothly = search or Search(), smoothing or Smoothing()
+    problem = problem or problem_of(graph)
+    solver, built = FrameSolver(problem, options), time.perf_counter()
+    count = Count(progress, len(graph))
+    causal = smoothly.passes == 0 or len(graph) < 3
+    if causal:
+        poses = causal_poses(solver, graph, chosen, count)
+    else:
+        poses, graph = clip_poses(solver, graph, chosen, smoothly, count, part)
+    timings = {"build": built - began, "solve": time.perf_counter() - built}
+    return solution_of(solver, graph, poses, timings)
+
+
+def trajectory_of(motion: Motion, robot: Robot, qpos: Floats) -> Trajectory:
+    """Return configurations as a trajectory that names its source and times.
+
+    Args:
+        motion: its first T frames are the source.
+        qpos: (T, nq) configurations.
+    """
+    return Trajectory(
+        qpos,
+        motion.fps,
+        robot.joint_names,
+        robot.name,
+        Path(motion.source).name,
+        source_time=motion.source_time[: len(qpos)],
+        source_sha256=motion.source_sha256,
+    )
+
+
+def problem_of(graph: RobotGraph) -> Problem:
+    """Compile the graph's edges as functions."""
+    return build_problem(graph.robot, graph.match, graph.tracks, native=len(graph) >= WORTH_COMPILING)
+
+
+def solution_of(
+    solver: FrameSolver, graph: RobotGraph, poses: list[FrameSolution], timings: dict[str, float]
+) -> Solution:
+    """Evaluate the cost of every frame and the stress of every kind at solved poses.
+
+    Args:
+        solver: the solver of the poses.
+        graph: its T frames.
+        poses: T solved frames.
+        timings: durations of the stages [s].
+    """
+    qpos, problem = np.array([pose.qpos for pose in poses]), solver.problem
+    trajectory = replace(trajectory_of(graph.motion, graph.robot, qpos), scene=graph.bodies)
+    measured = measured_by(problem, graph, qpos)
+    stress = {name: graph.kinds[name].stress(values).sum(axis=1) for name, values in measured.items()}
+    stress |= _numeric_stress(solver, graph, qpos) | _temporal_stress(graph, qpos)
+    unmet = unmet_edges(solver, graph, measured, qpos)
+    missed = {t for edge in unmet for t in edge.frames}
+    status = tuple(Status.UNREACHED if t in missed else pose.status for t, pose in enumerate(poses))
+    cost = np.sum(list(stress.values()), axis=0)
+    iterations = np.array([pose.iterations for pose in poses])
+    return Solution(trajectory, graph, status, cost, stress, measured, iterations, timings, problem.native, unmet)
+
+
+def _numeric_stress(solver: FrameSolver, graph: RobotGraph, qpos: Floats) -> dict[str, Floats]:
+    """Return per numeric kind (T,) its cost."""
+    past = [None, *(Past(before, 1 / graph.fps) for before in qpos[:-1])]
+    return solver.costs.parts(qpos, targets_of(graph.tracks), past)
+
+
+def _temporal_stress(graph: RobotGraph, qpos: Floats) -> dict[str, Floats]:
+    """Return per kind of second differences (T,) its cost about every frame; 0 at both ends."""
+    wanted = (Role.COST, Form.JOINT, SECOND_DIFFERENCE)
+    tracks = [track for track in graph.tracks if (track.role, track.kind.form, track.stencil) == wanted]
+    bend = np.zeros((len(qpos), graph.robot.model.nv))
+    if len(qpos) > 2:
+        bend[1:-1] = np.diff(difference(graph.robot, qpos[:-1], qpos[1:]), axis=0)
+    names = tangent_names(graph.robot)
+    columns = {track.name: [names.index(end) for end, _ in track.ends] for track in tracks}
+    return {track.name: track.stress(bend[:, columns[track.name]]).sum(axis=1) for track in tracks}

@@ -1,0 +1,194 @@
+"""A run of `batch`: find clips, skip finished ones, perform the others, write the index."""
+
+import fcntl
+import re
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from hashlib import sha256
+from pathlib import Path
+
+from robot_retarget.base.errors import OutputError, UsageError
+from robot_retarget.base.files import folder
+from robot_retarget.robot.digest import robot_sha256
+from robot_retarget.tools.batch.clips import MotionFile, find_clips
+from robot_retarget.tools.batch.manifest import COLUMNS, NAME, Manifest
+from robot_retarget.tools.batch.pool import Report, Stopping
+from robot_retarget.tools.batch.settings import Allowance, Job, Settings, sha256_of
+from robot_retarget.tools.batch.task import DONE, MIRROR, UNWRITABLE, Row, Task, TaskResult, robot_of
+
+Engine = Callable[[Sequence[Task], Allowance, Report, Stopping], None]
+"""Performs tasks and reports each outcome: `pool.run_local`, `cluster.run_ray`."""
+LOCK = ".lock"
+SCRATCH = re.compile(r"\..+-[a-z0-9_]{8}(\..*)?")
+"""Temporary names of `files.replacing`."""
+
+
+@dataclass(frozen=True)
+class RunPlan:
+    """The tasks of a run."""
+
+    tasks: tuple[Task, ...]
+    clips: dict[str, MotionFile]
+    """By name."""
+    digests: dict[tuple[str, str], str]
+    """Of what every clip of the folders is made from, by robot and clip."""
+    outdated: int
+    """Rows whose clip, robot or settings have changed; they are repeated."""
+
+    @property
+    def keys(self) -> set[tuple[str, str]]:
+        """Robot and clip of everything that this run is to do or has done."""
+        return {key for key in self.digests if key[1] in self.clips}
+
+    @property
+    def total(self) -> int:
+        """The number of clips times robots."""
+        return len(self.keys)
+
+    @property
+    def kept(self) -> int:
+        """Finished rows of the run."""
+        return self.total - len(self.tasks)
+
+    def is_current(self, row: Row) -> bool:
+        """Whether the clip of a row exists and the row matches its present content and the settings of this run."""
+        known = self.digests.get(row.key)
+        return Path(row.path).exists() if known is None else known == row.digest
+
+
+@dataclass(frozen=True)
+class RunSummary:
+    """How a run ended."""
+
+    states: Counter[str]
+    """Of all clips × robots of the run."""
+    failures: tuple[Row, ...]
+    stopped: bool
+    """Whether it was stopped before its end."""
+
+
+@contextmanager
+def locked_folder(out: Path) -> Iterator[Path]:
+    """The folder of results, locked for one run; temporary files of a killed run are removed.
+
+    Raises:
+        OutputError: it cannot be written, holds other things than results, or another run is at work in it.
+    """
+    strange = out.is_dir() and not (out / NAME).exists() and any(path.name != LOCK for path in out.iterdir())
+    if strange:
+        raise OutputError(f"{out} holds files and no {NAME}: it is not a batch folder; give another --out")
+    target = folder(out)
+    with (target / LOCK).open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise OutputError(f"another run is at work in {out}") from error
+        for scratch in target.rglob(".*"):
+            if scratch.is_file() and SCRATCH.fullmatch(scratch.name):
+                scratch.unlink()
+        yield target
+
+
+def plan_of(job: Job, manifest: Manifest) -> RunPlan:
+    """The tasks of a run that are not done, in the order of clips, then robots.
+
+    Raises:
+        UsageError: no clip is found, or two robots have one name.
+        RobotError: a robot cannot be loaded.
+    """
+    clips = find_clips(job.folders, job.include, job.exclude, job.out)
+    _require_distinct_images(clips, job.settings)
+    own = {clip.name: clip for k, clip in enumerate(clips) if k in job.shard}
+    robots = {robot_of(name, job.settings.limits).name: name for name in job.robots}
+    if len(robots) < len(job.robots):
+        raise UsageError(f"two of the robots {', '.join(job.robots)} have one name")
+    made_by = {
+        robot: job.settings.digest(robot_sha256(robot_of(name, job.settings.limits))) for robot, name in robots.items()
+    }
+    there = {row.key: row for row in manifest.rows()}
+    digests, tasks, outdated = dict[tuple[str, str], str](), list[Task](), 0
+    for clip in clips:
+        content = " ".join(_hashed(path, manifest) for path in clip.files)
+        for robot, name in robots.items():
+            digest = sha256(f"{content} {made_by[robot]}".encode()).hexdigest()
+            digests[robot, clip.name] = digest
+            task = Task(str(clip.path), clip.name, name, robot, digest, str(job.out), job.settings)
+            row = there.get((robot, clip.name))
+            if clip.name not in own or (
+                row and row.digest == digest and _is_kept(row, clip, task, job.retry, manifest)
+            ):
+                continue
+            tasks.append(task)
+            outdated += row is not None and row.digest != digest
+    return RunPlan(tuple(tasks), own, digests, outdated)
+
+
+def perform_all(
+    plan: RunPlan, manifest: Manifest, job: Job, engine: Engine, report: Report, stopping: Stopping
+) -> RunSummary:
+    """Perform the tasks of a plan and keep every outcome in the manifest.
+
+    Raises:
+        OutputError: an output cannot be written, for example on a full disk; finished rows are kept.
+    """
+    trouble = list[str]()
+
+    def keep(outcome: TaskResult) -> None:
+        if outcome.state == UNWRITABLE:
+            trouble.append(outcome.message)
+            return
+        manifest.put(_row(outcome, plan.clips[outcome.clip]))
+        manifest.time(outcome)
+        report(outcome)
+
+    if plan.tasks:
+        engine(plan.tasks, job.allowance, keep, lambda: bool(trouble) or stopping())
+    if trouble:
+        raise OutputError(f"{trouble[0]}; finished clips are kept: run it again to continue")
+    manifest.save_index()
+    rows = [row for row in manifest.rows() if row.key in plan.keys and plan.is_current(row)]
+    failures = tuple(row for row in rows if row.state != DONE)
+    return RunSummary(Counter(row.state for row in rows), failures, len(rows) < plan.total)
+
+
+def _require_distinct_images(clips: Sequence[MotionFile], settings: Settings) -> None:
+    """Refuse a clip that has the name of another's mirror image."""
+    names = {clip.name for clip in clips} if settings.mirror else set[str]()
+    for name in sorted(names):
+        if f"{name}{MIRROR}" in names:
+            raise UsageError(
+                f"the mirror image of {name} would overwrite {name}{MIRROR}: rename it or leave it out (exclude), or do without mirror"
+            )
+
+
+def _hashed(path: Path, manifest: Manifest) -> str:
+    known = manifest.known_sha256(path)
+    if known is None:
+        try:
+            known = sha256_of(path)
+        except OSError:  # reading it fails later, with a sentence
+            return "unreadable"
+        manifest.note_sha256(path, known)
+    return known
+
+
+def _is_kept(row: Row, clip: MotionFile, task: Task, retry: tuple[str, ...], manifest: Manifest) -> bool:
+    """Whether a row stays: a failure that is not retried, or an output that is as it was written.
+
+    The facts of the clip that do not change its output, licence, source and place, are brought up to date.
+    """
+    if row.state != DONE:
+        return row.state not in retry
+    if not task.output.is_file() or _hashed(task.output, manifest) != row.output_sha256:
+        return False
+    now = replace(row, path=str(clip.path), licence=clip.licence, source=clip.source)
+    if now != row:
+        manifest.put(now)
+    return True
+
+
+def _row(outcome: TaskResult, clip: MotionFile) -> Row:
+    common = {name: getattr(outcome, name) for name in COLUMNS}
+    return replace(Row(**common), path=str(clip.path), licence=clip.licence, source=clip.source)

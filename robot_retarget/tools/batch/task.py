@@ -1,0 +1,181 @@
+"""One clip onto one robot: the work that every engine does alike."""
+
+import resource
+import sys
+import time
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from robot_retarget.base.errors import OutputError, RobotRetargetError
+from robot_retarget.tools.batch.settings import Settings, sha256_of
+
+if TYPE_CHECKING:
+    from robot_retarget.human.motion import Motion
+    from robot_retarget.robot import Robot
+    from robot_retarget.trajectory import Trajectory
+
+DONE, FAILED, TIMEOUT, MEMORY, CRASHED = "done", "failed", "timeout", "memory", "crashed"
+UNWRITABLE = "unwritable"
+"""The outcome of a task whose output cannot be written: it ends the run and is not kept."""
+LONG = 240.0
+"""Clips of more than this are solved piece by piece [s]."""
+MIRROR = "_mirror"
+"""Ends the names of mirrored outputs."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """A clip and a robot, and where the outputs go."""
+
+    path: str
+    clip: str
+    robot: str
+    """As the user names it."""
+    robot_name: str
+    """The folder of its outputs."""
+    digest: str
+    """Of the clip, the robot and the settings."""
+    out: str
+    settings: Settings
+
+    @property
+    def output(self) -> Path:
+        """The trajectory's file."""
+        return Path(self.out) / self.robot_name / f"{self.clip}.npz"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One clip on one robot: a row of the manifest."""
+
+    robot: str
+    clip: str
+    digest: str
+    state: str
+    message: str = ""
+    """The reason of a failure; the remarks of reading and solving otherwise."""
+    frames: int = 0
+    fps: float = 0.0
+    figures: dict[str, Any] = field(default_factory=dict)
+    output_sha256: str = ""
+    signature: tuple[float, ...] = ()
+    """Mean and deviation of every hinge [rad], by which near-duplicates are found."""
+    path: str = ""
+    licence: str = ""
+    source: str = ""
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """The primary key."""
+        return self.robot, self.clip
+
+
+@dataclass(frozen=True)
+class TaskResult(Row):
+    """The result of a task; the facts of its clip follow."""
+
+    seconds: float = 0.0
+    peak_mb: float = 0.0
+    """Peak memory of its process [MB]."""
+
+
+def perform(task: Task) -> TaskResult:
+    """Read, retarget, score and write one clip. A failure is an outcome, not an exception."""
+    began = time.perf_counter()
+    state, message, made = DONE, "", {}
+    try:
+        made = _made(task)
+    except OutputError as error:
+        state, message = UNWRITABLE, str(error)
+    except RobotRetargetError as error:
+        state, message = FAILED, str(error)
+    except MemoryError:
+        state, message = MEMORY, "out of memory"
+    except Exception as error:  # a defect of one clip must not end thousands of others
+        state, message = FAILED, f"a defect of robot-retarget: {type(error).__name__}: {error}"
+    blank = TaskResult(task.robot_name, task.clip, task.digest, state, message)
+    return replace(blank, **made, seconds=round(time.perf_counter() - began, 3), peak_mb=peak_memory())
+
+
+def peak_memory() -> float:
+    """Peak resident memory of this process [MB]."""
+    used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return round(used / (1e6 if sys.platform == "darwin" else 1e3), 1)
+
+
+def _made(task: Task) -> dict[str, Any]:
+    """The fields of the outcome of a clip that could be done; its files are written."""
+    from robot_retarget.human.read import read_motion
+    from robot_retarget.human.span import part_of
+    from robot_retarget.robot import freeze
+    from robot_retarget.scores.score import score
+
+    settings = task.settings
+    robot = freeze(robot_of(task.robot, settings.limits), settings.freeze, settings.only)
+    motion = part_of(read_motion(task.path, up=settings.up, repair=settings.repair), settings.frames)
+    trajectory, notes = _retargeted(motion, robot, settings)
+    found = score(trajectory, robot, motion, overrides=settings.map_file)
+    write(task, trajectory, robot)
+    return {
+        "message": " ".join(notes),
+        "frames": len(trajectory),
+        "fps": trajectory.fps,
+        "figures": dict(found.figures),
+        "output_sha256": sha256_of(task.output),
+        "signature": _signature(trajectory, robot),
+    }
+
+
+def _retargeted(motion: "Motion", robot: "Robot", settings: Settings) -> "tuple[Trajectory, tuple[str, ...]]":
+    """The trajectory and its notes; long clips are solved piece by piece, in bounded memory."""
+    from robot_retarget.graph.weights import Weights
+    from robot_retarget.solver.long import solve_long
+    from robot_retarget.solver.pipeline import retarget
+
+    common: dict[str, Any] = {"fps": settings.fps, "overrides": settings.map_file}
+    if motion.duration > LONG and settings.balance == "off":
+        solved = solve_long(motion, robot, weights=Weights().with_preset(settings.preset), **common)
+        return solved, (*motion.notes, "Solved piece by piece.")
+    result = retarget(motion, robot, preset=settings.preset, legs=settings.legs, balance=settings.balance, **common)
+    return result.trajectory, result.notes
+
+
+@lru_cache(maxsize=8)
+def robot_of(name: str, limits: str | None) -> "Robot":
+    """The robot, loaded once per process."""
+    from robot_retarget.robot import load_robot
+
+    return load_robot(name, limits)
+
+
+def write(task: Task, trajectory: "Trajectory", robot: "Robot") -> None:
+    """Write the trajectory, the other formats and the mirror images; every file whole or not at all."""
+    from robot_retarget.edit.cuts import mirrored
+    from robot_retarget.formats import FORMATS, export
+
+    takes = {"": trajectory} | ({MIRROR: mirrored(trajectory, robot)} if task.settings.mirror else {})
+    for ending, take in takes.items():
+        target = task.output.with_name(f"{task.output.stem}{ending}.npz")
+        _folder(target)
+        take.save(target)
+        for format in task.settings.formats:
+            kind = FORMATS[format]
+            place = Path(task.out) / f"{task.robot_name}-{format}" / f"{task.clip}{ending}{kind.suffix}"
+            _folder(place)
+            export(take, robot, format, place)
+
+
+def _folder(target: Path) -> None:
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"cannot make the folder {target.parent}: {error.strerror or error}") from error
+
+
+def _signature(trajectory: "Trajectory", robot: "Robot") -> tuple[float, ...]:
+    angles = trajectory.qpos[:, robot.qpos_index]
+    return tuple(round(float(value), 3) + 0.0 for value in np.concatenate([angles.mean(axis=0), angles.std(axis=0)]))

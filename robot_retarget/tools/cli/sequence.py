@@ -1,0 +1,218 @@
+"""`join`, `loop`, `splice`, `retime`, `stops`, `mirror`, `cut`: new trajectories from trajectories."""
+
+from collections.abc import Callable
+from pathlib import Path
+from shutil import rmtree
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from robot_retarget.base.errors import UsageError
+from robot_retarget.tools.cli.bars import progress
+from robot_retarget.tools.cli.command import argument, command, option, options
+from robot_retarget.tools.cli.options import (
+    BalancedOptions,
+    OutputOptions,
+    PrintOptions,
+    RobotOptions,
+    ServoOptions,
+    TrajectoryOptions,
+)
+from robot_retarget.tools.cli.solve import SolvedOptions
+from robot_retarget.tools.cli.stages import save_judged
+
+if TYPE_CHECKING:
+    from robot_retarget.base.errors import BalanceError
+    from robot_retarget.judge.report import Report
+    from robot_retarget.solver.result import Result
+    from robot_retarget.trajectory import Trajectory
+
+commands: typer.Typer = typer.Typer()
+
+
+@options
+class SequenceOptions(SolvedOptions, BalancedOptions, RobotOptions):
+    """The robot, its balance, and the trajectory to write."""
+
+    def make(
+        self,
+        paths: list[Path],
+        printing: PrintOptions,
+        solve: "Callable[..., Result] | None" = None,
+        **how: Any,
+    ) -> None:
+        """Read trajectories, solve them as one and write it."""
+        from robot_retarget.edit.build import sequence
+        from robot_retarget.formats import load_trajectory
+
+        self.require_writable()
+        model = self.load()
+        clips = [load_trajectory(path, model) for path in paths]
+        with progress() as begin:
+            result = (solve or sequence)(clips, robot=model, balance=self.balance, progress=begin("solve"), **how)
+        self.save(result, printing)
+
+
+@options
+class SeamOptions:
+    """Where one trajectory is left and the next one entered, and how fast."""
+
+    best: bool = option("Move each seam to the best frames within a second.", "--best", default=False)
+    fade: float | None = option("Duration of a seam [s]; by default as long as the joints need.", default=None)
+    speed: float = option("Factor of the speed; the limits of joints and of balance stay.", default=1.0)
+
+
+@options
+class MotionOptions:
+    """The trajectory that is altered."""
+
+    trajectory: Path = argument("A motion of the robot, in any format that import reads.")
+
+
+@command(commands, epilog="Example: robot-retarget join walk.npz wave.npz --robot op3 -o both.npz")
+def join(
+    trajectories: Annotated[list[Path], typer.Argument(help="Motions of the robot, in any format that import reads.")],
+    to: SequenceOptions,
+    seam: SeamOptions,
+    printing: PrintOptions,
+    at: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="LEAVE:ENTER, per seam: when the clip before is left and the one after entered [s]; by default its end and beginning."
+        ),
+    ] = None,
+) -> None:
+    """Solve trajectories in a row; each begins where the one before ends. Exit code 2 where two do not fit together."""
+    to.make(trajectories, printing, at=[_span("--at", text) for text in at or ()], **vars(seam))
+
+
+@command(commands, epilog="Example: robot-retarget loop walk.npz --robot op3 --times 3 --at 7.5:3 --best -o walks.npz")
+def loop(
+    motion: MotionOptions,
+    to: SequenceOptions,
+    seam: SeamOptions,
+    printing: PrintOptions,
+    times: Annotated[int, typer.Option(min=2, help="Number of repetitions.")] = 2,
+    at: Annotated[
+        str | None, typer.Option(help="LEAVE:ENTER [s] of the repeated part; by default the end and the beginning.")
+    ] = None,
+) -> None:
+    """Repeat a trajectory, or a part of it; each repetition begins where the one before ends."""
+    spans = [_span("--at", at)] * (times - 1) if at else []
+    to.make([motion.trajectory] * times, printing, at=spans, **vars(seam))
+
+
+@command(commands, epilog="Example: robot-retarget retime walk.npz --robot op3 --speed 0.8 -o slow.npz")
+def retime(
+    motion: MotionOptions,
+    to: SequenceOptions,
+    printing: PrintOptions,
+    speed: Annotated[float, typer.Option(help="Factor of the speed; the limits of joints and of balance stay.")],
+) -> None:
+    """Solve a trajectory at another speed."""
+    to.make([motion.trajectory], printing, speed=speed)
+
+
+@command(commands, epilog="Example: robot-retarget splice --legs squat.npz --arms wave.npz --robot op3 -o both.npz")
+def splice(
+    legs: Annotated[Path, typer.Option(help="The motion of legs, trunk and head, in any format that import reads.")],
+    arms: Annotated[Path, typer.Option(help="The motion of the arms.")],
+    to: SequenceOptions,
+    printing: PrintOptions,
+) -> None:
+    """Solve the legs of one trajectory with the arms of another."""
+    from robot_retarget.edit.build import splice as spliced
+
+    to.make([legs, arms], printing, lambda clips, **how: spliced(clips[0], clips[1], **how))
+
+
+@command(commands, epilog="Example: robot-retarget stops out/trajectory.npz --robot op3 --every 0.5")
+def stops(
+    source: TrajectoryOptions,
+    robot: RobotOptions,
+    on: ServoOptions,
+    printing: PrintOptions,
+    every: Annotated[float, typer.Option(min=0.1, help="Time between two moments [s].")] = 1.0,
+    draws: Annotated[int, typer.Option(min=0, help="Drawn simulations of each way, as in simulate.")] = 10,
+) -> None:
+    """Solve and judge ways into a stand from moments of a balanced trajectory; `play` takes them on Ctrl-C.
+
+    They replace the folder stops/ next to the trajectory. Exit code 1 if none passes.
+    """
+    from robot_retarget.base.files import replacing_folder
+    from robot_retarget.edit.stop import ways_into_stand
+    from robot_retarget.servo.ways import FOLDER
+    from robot_retarget.trajectory import load_trajectory
+
+    model, played = robot.load(on.servos), load_trajectory(source.trajectory)
+    place, found = source.trajectory.parent / FOLDER, list[dict[str, Any]]()
+    with replacing_folder(place) as scratch, progress() as begin:
+        begin("ways into a stand")
+        for time, outcome in ways_into_stand(played, model, every, draws):
+            found.append({"at_s": round(time, 3)} | _saved(outcome, time, scratch / f"{time:.3f}"))
+        rmtree(place, ignore_errors=True)
+    passed = [row for row in found if row["verdict"] == "pass"]
+    failed = [f"{row['at_s']:.2f} s: {'; '.join(row['reasons'])}" for row in found if row not in passed]
+    sentence = "\n".join([*failed, f"{len(passed)} of {len(found)} ways pass, in {place}"])
+    printing.result({"output": str(place), "passed": len(passed), "ways": found}, sentence)
+    if not passed:
+        raise typer.Exit(1)
+
+
+def _saved(outcome: "Report | BalanceError", time: float, folder: Path) -> dict[str, Any]:
+    """Write a way into a stand with its report; return its verdict."""
+    from robot_retarget.base.errors import BalanceError
+
+    if isinstance(outcome, BalanceError) or outcome.trajectory is None:
+        return {"verdict": "none", "reasons": [str(outcome)]}
+    folder.mkdir(parents=True)
+    save_judged(outcome, folder / "trajectory.npz", folder / "report.json")
+    standing = round(outcome.trajectory.duration - time, 2)
+    return {"verdict": outcome.verdict, "reasons": list(outcome.reasons), "standing_after_s": standing}
+
+
+@command(commands, epilog="Example: robot-retarget mirror wave.npz --robot op3 -o left.npz")
+def mirror(source: TrajectoryOptions, robot: RobotOptions, to: OutputOptions, printing: PrintOptions) -> None:
+    """Exchange left and right. The result is not simulated."""
+    from robot_retarget.edit import mirrored
+    from robot_retarget.formats import load_trajectory
+
+    model = robot.load()
+    _write(mirrored(load_trajectory(source.trajectory, model), model), to.output, printing)
+
+
+@command(commands, epilog="Example: robot-retarget cut walk.npz --robot op3 --trim 1:3.5 -o part.npz")
+def cut(
+    source: TrajectoryOptions,
+    robot: RobotOptions,
+    to: OutputOptions,
+    printing: PrintOptions,
+    trim: Annotated[str, typer.Option(help="Keep START:STOP [s].")],
+) -> None:
+    """Keep a part of a trajectory. The result is not simulated."""
+    from robot_retarget.edit import trimmed
+    from robot_retarget.formats import load_trajectory
+
+    whole = load_trajectory(source.trajectory, robot.load())
+    _write(trimmed(whole, *_span("--trim", trim, 0.0, whole.duration)), to.output, printing)
+
+
+def _write(made: "Trajectory", output: Path, printing: PrintOptions) -> None:
+    from robot_retarget.base.files import require_writable
+
+    require_writable(output)
+    made.save(output)
+    facts = {"output": str(output), "frames": len(made), "fps": made.fps, "duration_s": round(made.duration, 4)}
+    printing.result(facts, f"wrote {output}, {made.duration:.3g} s")
+
+
+def _span(option: str, text: str, *ends: float) -> tuple[float, float]:
+    """Return the two times of A:B [s]; a missing one is that of `ends`."""
+    parts = text.split(":")
+    try:
+        first, second = (
+            float(part) if part or not ends else end for part, end in zip(parts, ends or (0, 0), strict=True)
+        )
+    except ValueError:
+        raise UsageError(f"{option} takes two times A:B in seconds, got {text!r}") from None
+    return first, second

@@ -1,0 +1,250 @@
+"""The group `servos`: emulate, scan, check, calibrate, identify, import."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from robot_retarget.base.errors import ServoError, UsageError
+from robot_retarget.tools.cli import console
+from robot_retarget.tools.cli.command import command, option, options
+from robot_retarget.tools.cli.options import OUT, BaudOptions, PrintOptions
+
+if TYPE_CHECKING:
+    from robot_retarget.actuators.map import ServoMap
+    from robot_retarget.servo.emulator.wire_timing import WireTiming
+    from robot_retarget.servo.pendulum import Pendulum
+
+commands: typer.Typer = typer.Typer()
+servos: typer.Typer = typer.Typer(
+    no_args_is_help=True, rich_markup_mode=None, help="Dynamixel servos, real or emulated."
+)
+commands.add_typer(servos, name="servos")
+
+UNITS = {
+    "damping": "N m s/rad besides the back-EMF",
+    "friction": "N m",
+    "armature": "kg m²",
+    "gain": "of the datasheet's",
+}
+"""Of what `identify` finds."""
+
+
+@options
+class MapNameOptions:
+    """The map of a robot's servos."""
+
+    map_name: str = option("A shipped robot's name (op3) or a servo map (.toml).", "--map", "-m")
+
+
+@options
+class BusOptions(BaudOptions, MapNameOptions):
+    """The servos of a map on a port."""
+
+    port: str = option("Serial port, or that of an emulator.", "--port", "-p")
+
+    def load(self) -> "ServoMap":
+        """Return the map, with the wanted baud rate."""
+        return self.map_of(self.map_name)
+
+
+@options
+class MapOutputOptions:
+    """The map that a command writes."""
+
+    output: Path = option("The map to write (.toml).", *OUT)
+
+
+@options
+class EmulateOptions(MapNameOptions):
+    """The emulated robot, its wires and its faults."""
+
+    link: Path | None = option("A stable name for the port.", default=None)
+    physics: bool = option("Put the robot's MuJoCo model behind the servos.", default=False)
+    model: Path | None = option("MJCF for --physics; the shipped robot's by default.", default=None)
+    pendulum: str = option(
+        "MASS,LENGTH [kg, m] on the shaft of every servo, for `identify`; without --physics.", default=""
+    )
+    view: bool = option("With --physics: show the robot in a window.", "--view", default=False)
+    baud: int | None = option("Bytes take the time of this baud rate; by default none.", default=None)
+    usb_latency: float = option("With --baud: delay that a USB adapter adds to an answer [ms].", default=0.0)
+    return_delay: int = option("Register 9 of every servo [2 µs]; new servos have 250.", default=0)
+    fault: list[str] | None = option("Fault to inject, e.g. 'after 2 silent 3'.", default=None)
+    strict: bool = option("Silent at a wrong baud rate and to frames without stuffing.", default=False)
+    control: bool = option("Read faults and `state` from stdin.", default=False)
+    lockstep: float | None = option(
+        "Each frame of goals advances time by a tick, at this rate; the clock is ignored.",
+        default=None,
+        min=10,
+        max=1000,
+    )
+
+
+@command(servos, epilog="Example: robot-retarget servos emulate --map op3 --physics --link /tmp/ttyDXL")
+def emulate(how: EmulateOptions) -> None:
+    """Run an emulated bus on a pseudo terminal; prints `ready PATH`, stops on SIGTERM."""
+    from robot_retarget.actuators.map import load_map
+    from robot_retarget.servo.emulator.run import emulator, scene_of
+
+    if how.view and not how.physics:
+        raise UsageError("--view needs --physics: without it there is no robot to show")
+    if how.pendulum and how.physics:
+        raise UsageError("--pendulum loads separate motors; with --physics the model is the load")
+    servo_map = load_map(how.map_name)
+    body = (how.model or scene_of(servo_map.robot)) if how.physics else None
+    pace, load = _pace(how.baud, how.usb_latency), _pendulum(how.pendulum) if how.pendulum else None
+    what = (how.strict, how.return_delay, how.view, how.lockstep, load)
+    emulator(servo_map, how.link, pace, body, how.fault or (), *what).run(how.control)
+
+
+@command(servos, epilog="Example: robot-retarget servos scan --port /dev/ttyUSB0")
+def scan(
+    printing: PrintOptions,
+    port: Annotated[str, typer.Option("--port", "-p", help="Serial port, or that of an emulator.")],
+    baud: Annotated[list[int] | None, typer.Option(help="Baud rates to try; the usual ones by default.")] = None,
+    last: Annotated[int, typer.Option(min=0, max=252, help="Highest id to try.")] = 252,
+) -> None:
+    """Find the servos on a port, at every baud rate."""
+    from robot_retarget.actuators.control_tables import model_numbered
+    from robot_retarget.servo.bus import Bus
+
+    found = []
+    for rate in baud or (2_000_000, 1_000_000, 57_600, 3_000_000, 4_000_000, 115_200):
+        with Bus(port, rate) as bus:
+            for identity, number, firmware in bus.scan(range(last + 1)):
+                model = model_numbered(number)
+                name = model.name if model else f"model {number}"
+                found.append({"id": identity, "model": name, "firmware": firmware, "baud": rate})
+        if found:
+            break
+    rows = [tuple(row.values()) for row in found]
+    printing.show(found, lambda _: console.table("Servos", ("id", "model", "firmware", "baud"), rows))
+    if not found:
+        raise ServoError(f"no servo answers on {port} (power, cable, --baud)")
+
+
+@command(servos, epilog="Example: robot-retarget servos check --map op3 --port /dev/ttyUSB0")
+def check(
+    at: BusOptions,
+    printing: PrintOptions,
+    fix: Annotated[bool, typer.Option("--fix", help="Write what can be put right, where torque is off.")] = False,
+) -> None:
+    """Compare the servos with the map; every difference at once. Exit code 1 when playing would be refused."""
+    from robot_retarget.servo.bus import Bus
+    from robot_retarget.servo.check import check as ask
+    from robot_retarget.servo.check import fix as put_right
+
+    servo_map = at.load()
+    with Bus(at.port, servo_map.baud) as bus:
+        conditions, findings = ask(bus, servo_map)
+        done = put_right(bus, servo_map, findings) if fix else []
+        if done:
+            conditions, findings = ask(bus, servo_map)
+    rows = {c.servo.joint: {"angle_rad": round(c.angle, 4), **c.values} for c in conditions}
+    sentences, asked = [*map(str, findings)], len(servo_map.servos)
+    answer = f"{len(conditions)} of {asked} servos answer as they should; {len(findings)} differences"
+    facts = {"servos": rows, "findings": sentences, "fixed": done}
+    printing.result(facts, "\n".join([*done, *sentences, answer]))
+    raise typer.Exit(1 if any(f.grave for f in findings) else 0)
+
+
+@command(servos, epilog="Example: robot-retarget servos calibrate --map op3 --port /dev/ttyUSB0 -o my_op3.toml")
+def calibrate(
+    at: BusOptions,
+    to: MapOutputOptions,
+    printing: PrintOptions,
+    joint: Annotated[list[str] | None, typer.Option(help="Only these joints.")] = None,
+) -> None:
+    """Record where the servos are now as the zero pose: bring the robot there by hand first, torque off."""
+    from robot_retarget.actuators.map import with_zeros
+    from robot_retarget.base.files import write_text
+    from robot_retarget.servo.bus import Bus
+    from robot_retarget.servo.calibrate import record_zeros
+
+    servo_map = at.load()
+    with Bus(at.port, servo_map.baud) as bus:
+        new = record_zeros(bus, servo_map, joint or servo_map.joints)
+    write_text(to.output, with_zeros(at.map_name, new))
+    moved = {b.joint: [a.zero, b.zero] for a, b in zip(servo_map.servos, new.servos, strict=True) if a.zero != b.zero}
+    lines = [f"{name}: zero {before} -> {now}" for name, (before, now) in moved.items()]
+    printing.result({"output": str(to.output), "zeros": moved}, "\n".join([*lines, f"wrote {to.output}"]))
+
+
+@options
+class IdentifyOptions(MapOutputOptions, BusOptions):
+    """The servo and its pendulum."""
+
+    joint: str = option("The joint whose servo turns the pendulum; 0 rad where it hangs.")
+    mass: float = option("Of the pendulum [kg].")
+    length: float = option("From the axis to its centre of mass [m].")
+    inertia: float = option("About the axis [kg m²]; by default that of a point mass.", default=0.0)
+    log: Path = option("The log to write (.npz).", default=Path("identify.npz"))
+
+
+@command(
+    servos,
+    epilog="Example: robot-retarget servos identify --map bench.toml --joint j1 --mass 0.3 --length 0.1 --port /dev/ttyUSB0 -o new.toml",
+)
+def identify(how: IdentifyOptions, printing: PrintOptions) -> None:
+    """Find a servo's friction, armature, damping and gain: move it with a known pendulum for 24 s, and fit."""
+    from robot_retarget.actuators.map import dump_map
+    from robot_retarget.base.files import require_writable, write_text
+    from robot_retarget.servo.identify import identify as find
+    from robot_retarget.servo.identify import with_identified
+    from robot_retarget.servo.pendulum import Pendulum
+
+    servo_map, pendulum = how.load(), Pendulum(how.mass, how.length, how.inertia)
+    for path in (how.output, how.log):
+        require_writable(path)
+    found = find(servo_map, how.joint, pendulum, how.port, how.log)
+    write_text(how.output, dump_map(with_identified(servo_map, how.joint, found.servo)))
+    facts = {**vars(found.servo), "delay_s": round(found.delay, 5), "error_rad": round(found.error, 5)}
+    facts |= {"supply_V": round(found.voltage, 2), "weight_factor": round(found.weight, 3)}
+    lines = [
+        f"{name} {getattr(found.servo, name):g} ± {spread:.2g} {UNITS[name]}".rstrip()
+        for name, spread in found.spread.items()
+    ]
+    off = f"simulated angles are {found.error:.4f} rad off on average, {1000 * found.delay:.1f} ms late"
+    facts["standard_errors"] = {name: float(f"{spread:.3g}") for name, spread in found.spread.items()}
+    lines += [f"at {found.voltage:.1f} V; {off}", f"wrote {how.output}"]
+    printing.result({"output": str(how.output), **facts}, "\n".join(lines))
+
+
+@command(servos, "import", epilog="Example: robot-retarget servos import OP3.robot --offsets offset.yaml -o op3.toml")
+def import_map(
+    to: MapOutputOptions,
+    printing: PrintOptions,
+    file: Annotated[Path, typer.Argument(help="OP3.robot, lerobot or pypot JSON, ToddlerBot config.json.")],
+    offsets: Annotated[Path | None, typer.Option(help="offset.yaml next to an OP3.robot.")] = None,
+    model: Annotated[str | None, typer.Option(help="Servo model where the file names none.")] = None,
+) -> None:
+    """Make a servo map from another project's configuration."""
+    from robot_retarget.actuators.map import dump_map
+    from robot_retarget.base.files import write_text
+    from robot_retarget.servo.foreign import read_foreign
+
+    servo_map = read_foreign(file, offsets, model)
+    write_text(to.output, dump_map(servo_map))
+    cut, count = [servo.joint for servo in servo_map.servos if servo.range_exceeds_turn], len(servo_map.servos)
+    sentence = f"wrote {to.output}: {count} servos; look over signs, zeros and ranges before playing"
+    printing.result({"output": str(to.output), "servos": count, "cut": cut}, sentence)
+    if cut:
+        console.note(f"The one turn of position mode cuts the range of {', '.join(cut)}.")
+
+
+def _pendulum(text: str) -> "Pendulum":
+    from robot_retarget.servo.pendulum import Pendulum
+
+    try:
+        mass, length = map(float, text.split(","))
+    except ValueError:
+        raise UsageError(f"--pendulum {text!r} is not MASS,LENGTH, such as 0.3,0.1") from None
+    return Pendulum(mass, length)
+
+
+def _pace(baud: int | None, usb_latency: float) -> "WireTiming":
+    from robot_retarget.servo.emulator.wire_timing import WireTiming
+
+    if usb_latency and baud is None:
+        raise UsageError("--usb-latency needs --baud")
+    return WireTiming(baud, usb_latency / 1000)

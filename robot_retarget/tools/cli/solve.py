@@ -1,0 +1,129 @@
+"""`solve`, `transfer`: a motion, or that of another robot, to a trajectory."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from robot_retarget.tools.cli import console
+from robot_retarget.tools.cli.bars import progress
+from robot_retarget.tools.cli.command import argument, command, option, options
+from robot_retarget.tools.cli.formats import KnownOptions
+from robot_retarget.tools.cli.options import (
+    DefaultRobotOptions,
+    EditedGraphOptions,
+    FollowOptions,
+    FreezeOptions,
+    LimitOptions,
+    OutputOptions,
+    PerformerOptions,
+    PrintOptions,
+    RateOptions,
+    load,
+    named_robot,
+    solved,
+)
+
+if TYPE_CHECKING:
+    from robot_retarget.solver.result import Result
+
+commands: typer.Typer = typer.Typer()
+
+
+@options
+class SolvedOptions(OutputOptions):
+    """The trajectory to write, and its summary."""
+
+    explain: bool = option("Print the edges that lost most.", default=False)
+
+    def require_writable(self) -> None:
+        """Refuse a file that cannot be written."""
+        from robot_retarget.base.files import require_suffix, require_writable
+
+        require_suffix(self.output, ".npz", "`export` writes trajectories in other formats")
+        require_writable(self.output)
+
+    def of(self, performer: str) -> "SolvedOptions":
+        """Return the output of one of several performers, `OUTPUT_NAME.npz`; of the only one with an empty name."""
+        stem, name = self.output.stem, re.sub(r"[^\w.-]+", "_", performer)
+        return replace(self, output=self.output.with_name(f"{stem}_{name}.npz")) if performer else self
+
+    def save(self, result: "Result", printing: PrintOptions) -> None:
+        """Write the trajectory and show how it was solved."""
+        from robot_retarget.tools.summary import describe_solution
+
+        result.trajectory.save(self.output)
+        printing.show(describe_solution(result.solution, result.notes), self._show)
+
+    def _show(self, facts: dict[str, Any]) -> None:
+        console.show_solution(facts, self.explain)
+        console.say(f"wrote {self.output}")
+
+
+@options
+class EffortOptions:
+    """Threads of a solve."""
+
+    threads: int = option("Threads that share its frames; the result is the same.", default=1, min=1)
+
+
+@command(commands, epilog="Example: robot-retarget solve dance.bvh --robot op3 -o dance.npz")
+def solve(
+    clip: PerformerOptions,
+    to: SolvedOptions,
+    robot: DefaultRobotOptions,
+    goals: EditedGraphOptions,
+    following: FollowOptions,
+    effort: EffortOptions,
+    printing: PrintOptions,
+) -> None:
+    """Retarget a motion: the trajectory only. Exit code 1 if a hard edge of --edges is not met."""
+    from robot_retarget.solver.solution import unmet_of_user
+
+    to.require_writable()
+    model, unmet = robot.load(), False
+    for name, performer in clip.performers().items():
+        motion = performer.load()
+        with progress() as begin:
+            result = solved(goals.describe(motion, model), following, begin("retarget"), effort.threads)
+        to.of(name).save(result, printing)
+        unmet |= bool(unmet_of_user(result.solution.unmet))
+    if unmet:
+        raise typer.Exit(1)
+
+
+@options
+class TransferOptions(KnownOptions):
+    """The motion of a robot, and the robot that follows."""
+
+    motion: Path = argument("The motion of a robot, in any format that import reads.")
+    source: str = option("The robot that performs it: a name or a model file.", "--from", "-f")
+    robot: str = option("The robot that follows: a name or a model file.", "--to", "-t", default="")
+    source_fps: float | None = option("Frames per second of the motion file; overrides the stored rate.", default=None)
+
+
+@command(commands, epilog="Example: robot-retarget transfer dance_g1.npz --from g1 --to op3 -o dance_op3.npz")
+def transfer(
+    performed: TransferOptions,
+    to: SolvedOptions,
+    rate: RateOptions,
+    frozen: FreezeOptions,
+    limits: LimitOptions,
+    following: FollowOptions,
+    printing: PrintOptions,
+) -> None:
+    """Carry the motion of one robot over to another."""
+    from robot_retarget.formats import FormatOptions, import_motion
+    from robot_retarget.solver.pipeline import transfer as carried
+
+    to.require_writable()
+    performer, follower = load(performed.source), frozen.of(load(named_robot(performed.robot), limits.limits))
+    read = FormatOptions(source_fps=performed.source_fps)
+    trajectory = import_motion(performed.motion, performer, performed.format, read)
+    legs, balance = following.legs, following.balance
+    with progress() as begin:
+        bar, what = begin("transfer"), (trajectory, performer, follower)
+        result = carried(*what, fps=rate.fps, preset=rate.preset, legs=legs, balance=balance, progress=bar)
+    to.save(result, printing)

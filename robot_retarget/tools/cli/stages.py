@@ -1,0 +1,233 @@
+"""The stages behind the commands: from files to files, with messages on the terminal."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from robot_retarget.base.errors import UsageError
+from robot_retarget.tools.cli import console
+from robot_retarget.tools.cli.bars import progress
+from robot_retarget.tools.cli.command import option, options
+from robot_retarget.tools.cli.ending import filling
+from robot_retarget.tools.cli.options import OUT, FollowOptions, GraphOptions, JudgeOptions, PrintOptions, solved
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from robot_retarget.base.progress import Progress
+    from robot_retarget.collision.warn import Warnings
+    from robot_retarget.human.motion import Motion
+    from robot_retarget.judge.report import Report
+    from robot_retarget.robot import Robot
+    from robot_retarget.servo.outcome import PlaybackOutcome
+    from robot_retarget.solver.result import Result
+    from robot_retarget.tools.view import AnimatedWebP, Film, Picture, Unavailable
+    from robot_retarget.trajectory import Trajectory
+
+    Shown = Path | AnimatedWebP | Unavailable
+    """A film in a file, a loop, or the reason why there is neither."""
+
+
+@options
+class FolderOptions(JudgeOptions, FollowOptions):
+    """How a folder of results is filled."""
+
+    out: Path = option("Folder for the results.", *OUT, default=Path("out"))
+    video: bool = option("Make a film as well: video.mp4.", "--video", default=False)
+
+
+def fill_folder(
+    motion: "Motion",
+    robot: "Robot",
+    goals: GraphOptions,
+    how: FolderOptions,
+    printing: PrintOptions,
+    play: bool = False,
+) -> str:
+    """Solve, simulate (free if balanced, else pinned), draw and write a folder; return the verdict.
+
+    Args:
+        play: play what passes on an emulated bus too, for robots that ship with a servo map.
+    """
+    from robot_retarget.tools.summary import describe_solution
+
+    out = how.out
+    with filling(out) as filled, progress() as begin:
+        result = solved(goals.describe(motion, robot), how, begin(f"retarget to {robot.name}"))
+        target = filled.path
+        report, warnings = _tried(result, target, how, begin("simulate"))
+        outcome = played_on_emulated(robot.name, target) if play and report.verdict == "pass" else None
+        if outcome is not None:
+            report = report.with_playback(outcome.figures)
+            report.save(target / "report.json")
+        pictures = _shown(result, target, how.video, begin)
+        viewer = _write_viewer(result, report, target / "viewer.html")
+        write_page(report, target / "trajectory.npz", warnings, target / "report.html", *pictures, viewer)
+        files = filled.written()
+    found = describe_solution(result.solution, result.notes)
+    if printing.json:
+        console.dump({"solution": found, "report": report.contract(), "folder": str(out), "files": files})
+    else:
+        console.show_solution(found, explain=False)
+        console.show_report(report)
+        if outcome is not None:
+            console.show_playback(outcome.figures)
+            console.say(f"{outcome.sentence}, on the emulated robot")
+        console.say(f"wrote {', '.join(files)} in {out}")
+        console.say(f"next: open {out / 'report.html'} in a browser; it leads to {out / 'viewer.html'}")
+    return report.verdict
+
+
+def _tried(
+    result: "Result", target: Path, how: JudgeOptions, progress: "Progress"
+) -> tuple["Report", "Warnings | None"]:
+    """In simulation: `trajectory.npz` with its goals, `report.json` and, of more than one frame, `warnings.csv`."""
+    from robot_retarget.collision.events import write_csv
+    from robot_retarget.judge.rollout import simulate as roll_out
+
+    warnings = result.warnings if len(result.trajectory) > 1 else None
+    report = roll_out(result, warnings=warnings, draws=how.draws, feedback=how.feedback, progress=progress)
+    save_judged(report, target / "trajectory.npz", target / "report.json")
+    if warnings is not None:
+        write_csv(warnings.events, target / "warnings.csv")
+    return report, warnings
+
+
+def save_judged(report: "Report", trajectory: Path, where: Path) -> None:
+    """Write the trajectory with the goals that were judged, then its report; an error in writing leaves neither."""
+    from robot_retarget.base.files import replacing
+
+    assert report.trajectory is not None
+    with replacing(where) as contract, replacing(trajectory) as judged:
+        judged.write_bytes(report.trajectory.serialised())
+        contract.write_text(report.text(), encoding="utf-8")
+
+
+def judged_plain(
+    trajectory: "Trajectory", robot: "Robot", mode: str, rate: float, feedback: bool | None
+) -> "Trajectory":
+    """A trajectory with goals that are itself, `rate` a second, once they have passed; `feedback` as in `simulate`.
+
+    Raises:
+        ServoError: they did not.
+    """
+    from robot_retarget.base.errors import ServoError
+    from robot_retarget.judge.goals import Playback
+    from robot_retarget.judge.rollout import simulate as roll_out
+
+    report = roll_out(trajectory, robot, mode=mode, compensate=False, playback=Playback(rate=rate), feedback=feedback)
+    if report.verdict != "pass":
+        raise ServoError(f"the trajectory without compensation does not pass: {'; '.join(report.reasons)}")
+    assert report.trajectory is not None
+    return report.trajectory
+
+
+def played_on_emulated(robot: str, folder: Path) -> "PlaybackOutcome | None":
+    """Play the folder's trajectory on an emulated bus with the robot's model behind it; None for a robot without a servo map."""
+    from robot_retarget.actuators.map import load_map
+    from robot_retarget.base.shipped import MODELS
+    from robot_retarget.servo.emulated import play_emulated
+    from robot_retarget.trajectory import load_trajectory
+
+    if not (MODELS / robot / "servos.toml").is_file():
+        return None
+    trajectory = load_trajectory(folder / "trajectory.npz")
+    return play_emulated(trajectory, load_map(robot), lockstep=True, log=folder / "play.npz")
+
+
+def _shown(
+    result: "Result", target: Path, film: bool, begin: "Callable[[str], Progress]"
+) -> "tuple[Picture | None, Shown]":
+    """Draw the strip, and the film or a loop of few pictures; notes name what cannot be drawn."""
+    from robot_retarget.tools.view import Film, Picture, loop, strip, video
+
+    what, path = (result.robot, result.trajectory), target / "video.mp4"
+    figure = result.match.figure(result.motion)
+    filmed = video(*what, path, *figure, progress=begin("film")) if film else None
+    begin("pictures")
+    picture = strip(*what, *figure)
+    if isinstance(picture, Picture):
+        picture.save(target / "strip.png")
+    for sentence in {_note_of(drawn) for drawn in (filmed, picture) if drawn is not None} - {""}:
+        console.note(sentence)
+    shown = path if isinstance(filmed, Film) else loop(*what, *figure)
+    return picture if isinstance(picture, Picture) else None, shown
+
+
+def _note_of(drawn: "Film | Picture | Unavailable") -> str:
+    """Return the note of a film or picture, or the reason for its lack."""
+    from robot_retarget.tools.view import Unavailable
+
+    return drawn.reason if isinstance(drawn, Unavailable) else drawn.note
+
+
+def _write_viewer(result: "Result", report: "Report", page: Path) -> Path:
+    """Write the viewer of the motion."""
+    from robot_retarget.tools.view.web import view
+
+    return view(result, report=report).save(page)
+
+
+def write_page(
+    report: "Report",
+    trajectory: "Path | Trajectory",
+    warnings: "Warnings | None",
+    page: Path,
+    strip: "Picture | None" = None,
+    film: "Shown | None" = None,
+    viewer: Path | None = None,
+) -> None:
+    """Write the report's page; what hinders it is said."""
+    from robot_retarget.tools.view import Unavailable
+    from robot_retarget.tools.view.page import save_page
+
+    drawn = save_page(report, trajectory, page, warnings=warnings, strip=strip, film=film, viewer=viewer)
+    if isinstance(drawn, Unavailable):
+        console.note(drawn.reason)
+
+
+def draw_warnings(warnings: "Warnings", path: Path) -> None:
+    """Draw the pairs that were flagged; what cannot be drawn is said."""
+    from robot_retarget.tools.view import Unavailable
+    from robot_retarget.tools.view.approaches import plot_warnings
+
+    drawn = plot_warnings(warnings, path)
+    console.note(drawn.reason if isinstance(drawn, Unavailable) else f"drew {drawn}")
+
+
+def require_source(trajectory: "Trajectory", motion: "Motion", force: bool) -> None:
+    """Require that a trajectory comes from a motion, unless forced.
+
+    Raises:
+        UsageError: it comes from another motion.
+    """
+    from robot_retarget.base.errors import TrajectoryError
+
+    try:
+        trajectory.require_source(motion.source, motion.source_sha256)
+    except TrajectoryError as error:
+        if not force:
+            raise UsageError(f"{error}; --force accepts it") from error
+
+
+def is_robot_name(name: str) -> bool:
+    """Return whether a name is that of a model file or a shipped robot, or at least not that of a file or folder."""
+    from robot_retarget.robot import shipped_robots
+    from robot_retarget.robot.catalog import MODEL_FILES
+
+    path = Path(name)
+    return (
+        path.suffix.lower() in MODEL_FILES
+        or name.lower() in shipped_robots()
+        or (not path.suffix and not path.exists())
+    )
+
+
+def shipped_clip(name: str) -> Path:
+    """The file of a sample clip by its name."""
+    from robot_retarget.base.errors import known
+    from robot_retarget.base.shipped import SAMPLES
+
+    clips = {path.stem: path for path in sorted(SAMPLES.glob("*.bvh"))}
+    if name not in clips:
+        raise UsageError(f"no shipped clip {name!r}; {known(clips, typed=name)}")
+    return clips[name]

@@ -1,0 +1,275 @@
+"""`stream`: a robot follows a performer now, and a sender to try that with."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import typer
+
+from robot_retarget.base.errors import UsageError, known
+from robot_retarget.tools.cli import console
+from robot_retarget.tools.cli.command import command, option, options
+from robot_retarget.tools.cli.options import (
+    ROBOT,
+    FreezeOptions,
+    LimitOptions,
+    PrintOptions,
+    ReadOptions,
+    SceneOptions,
+    load,
+)
+
+if TYPE_CHECKING:
+    from robot_retarget.actuators.map import ServoMap
+    from robot_retarget.human.skeleton import Skeleton
+    from robot_retarget.live.loop import Loop, Sink, StreamStats
+    from robot_retarget.live.receiver import FrameSource
+    from robot_retarget.robot import Robot
+    from robot_retarget.scene import Scene
+
+commands: typer.Typer = typer.Typer()
+
+SINKS = ("stdout", "view", "mujoco", "servos")
+EMULATED = "emulated"
+
+
+@options
+class StreamInputOptions:
+    """Where frames come from."""
+
+    source: str = option(
+        "vmc, json, floats, xrt, isaac, or a motion file, which is played in real time.", "--from", default="vmc"
+    )
+    port: int | None = option(
+        "Where to listen: UDP; 39539 for vmc. json and floats come from stdin without.", default=None
+    )
+    host: str = option(
+        "Address to listen at: this machine only by default, 0.0.0.0 for a whole network.", default="127.0.0.1"
+    )
+    sender: str = option("Address of the only machine that may send; by default any.", default="")
+    tcp: bool = option("json and floats over TCP, not UDP.", "--tcp", default=False)
+    skeleton: Path | None = option("Motion file with the joints of the floats protocol.", default=None)
+    speed: float = option("Of a motion file: times its own speed.", default=1.0)
+
+
+@options
+class StreamOutputOptions:
+    """What poses are for."""
+
+    target: str = option(
+        "stdout, view, mujoco or servos; with --send vmc://HOST:PORT, json://… or floats://….", "--to", default="stdout"
+    )
+    servos: str | None = option(
+        "Servo map (.toml) or a shipped robot's; by default the robot's own.", "--servos", "-s", default=None
+    )
+    serial: str = option("Serial port of the servos; `emulated` starts an emulated robot with physics.", default="")
+    mode: Literal["pinned", "free"] = option("With --to mujoco: pinned (the pelvis is held) or free.", default="pinned")
+    window: bool = option("With --to mujoco: show it in a window.", "--window", default=False)
+    page: int = option("With --to view: where to serve the page; 0 takes a free port.", default=8410)
+    log: Path = option("With --to servos: the log to write (.npz).", default=Path("play.npz"))
+
+
+@options
+class StreamOptions(SceneOptions, FreezeOptions, LimitOptions):
+    """The robot that follows, or the motion that is sent instead."""
+
+    robot: str | None = option(f"{ROBOT}.", "--robot", "-r", default=None)
+    lag: int = option("Frames of look-ahead: smoother and later by as many frames.", default=0, min=0, max=30)
+    calibrate: Path | None = option(
+        "Bone lengths, floor and facing (.npz): taken from it, and kept in it at the end.", default=None
+    )
+    seconds: float | None = option("Duration [s]; by default until Ctrl-C.", default=None, min=0.1)
+    send: Path | None = option("Send this motion file as a performer would, instead.", default=None)
+    fps: float | None = option("With --send: frames a second; by default the motion's own.", default=None)
+
+
+@command(commands, epilog="Example: robot-retarget stream --robot op3 --from vmc --to view")
+def stream(how: StreamOptions, source: StreamInputOptions, place: StreamOutputOptions, printing: PrintOptions) -> None:
+    """Have a robot follow a performer live. Ctrl-C ends it with a summary; exit code 1 when servos were stopped."""
+    from robot_retarget.base.files import require_suffix, require_writable
+
+    if how.send is not None:
+        _send(how.send, place.target, how, source.speed, printing)
+        return
+    if how.robot is None:
+        raise UsageError("stream needs --robot, or --send and a target to send to")
+    if how.calibrate is not None:
+        require_suffix(how.calibrate, ".npz", "calibrations are arrays")
+        require_writable(how.calibrate)
+    if place.target not in SINKS:
+        named = known(SINKS, typed=place.target)
+        raise UsageError(f"--to {place.target!r} is no place for poses; {named}; with --send it is vmc://HOST:PORT")
+    model, around = how.of(load(how.robot, how.limits, place.servos)), _scene_of(how, place.target)
+    with _opened(source, around) as frames:
+        seconds = float("inf") if how.seconds is None else how.seconds
+        poses = StreamRun(model, frames, how.lag, how.calibrate, seconds, around)
+        figures, code = _SHOWN[place.target](poses, place)
+    if printing.json:
+        console.dump(figures, side=place.target == "stdout")
+    else:
+        console.show_stream(figures)
+    raise typer.Exit(code)
+
+
+@dataclass(frozen=True, eq=False)
+class StreamRun:
+    """A robot that follows frames."""
+
+    robot: "Robot"
+    source: "FrameSource"
+    lag: int
+    calibrate: Path | None
+    seconds: float
+    scene: "Scene | None" = None
+
+    def loop(self, sink: "Sink") -> "Loop":
+        """The loop into a sink."""
+        from robot_retarget.live.calibration import load_calibration
+        from robot_retarget.live.loop import Loop
+        from robot_retarget.solver.live.stream import Stream
+
+        path = self.calibrate
+        known = None if path is None or not path.exists() else load_calibration(path)
+
+        def stream_of(skeleton: "Skeleton") -> Stream:
+            return Stream(self.robot, skeleton, calibration=known, lag=self.lag, scene=self.scene)
+
+        return Loop(self.source, stream_of, sink, console.to_stderr)
+
+    def run(self, sink: "Sink") -> dict[str, Any]:
+        """Run in this thread until Ctrl-C and return the figures."""
+        from robot_retarget.servo.interrupts import handling
+
+        loop = self.loop(sink)
+        with handling(lambda number: loop.stop.set()):
+            tally = loop.run(self.seconds)
+        self.save_calibration(loop)
+        return self.figures(loop, tally)
+
+    def figures(self, loop: "Loop", tally: "StreamStats") -> dict[str, Any]:
+        """Figures of the summary, with the faults of the source and of the stream."""
+        found = tally.figures(self.source)
+        return found | {"faults": {**found["faults"], **getattr(loop.stream, "faults", {})}}
+
+    def save_calibration(self, loop: "Loop") -> None:
+        """Save the calibration of the performer if a file for it is given."""
+        from robot_retarget.live.calibration import save_calibration
+
+        learnt = getattr(loop.stream, "calibration", None)
+        if self.calibrate is not None and learnt is not None:
+            save_calibration(learnt, self.calibrate)
+            console.to_stderr(f"saved the calibration of the performer in {self.calibrate}")
+
+
+@contextmanager
+def _opened(wanted: StreamInputOptions, around: "Scene | None") -> "Iterator[FrameSource]":
+    """A source, closed at the end; the bodies around the human of a file move as they did."""
+    from robot_retarget.live.open import opened
+
+    source = opened(**vars(wanted), scene=around, say=console.to_stderr)
+    try:
+        yield source
+    finally:
+        source.close()
+
+
+def _scene_of(how: StreamOptions, target: str) -> "Scene | None":
+    """Return the bodies around the performer; note that a simulation leaves them out."""
+    from robot_retarget.scene import read_scene
+
+    if how.scene is None:
+        return None
+    if target == "mujoco":
+        console.note(f"--to mujoco simulates the robot without the bodies of {how.scene}")
+    return replace(read_scene(how.scene), scale=how.scale)
+
+
+def _to_stdout(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str, Any], int]:
+    import sys
+
+    from robot_retarget.live.sinks.lines import LineSink
+
+    return poses.run(LineSink(sys.stdout)), 0
+
+
+def _to_page(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str, Any], int]:
+    from threading import Thread
+
+    from robot_retarget.tools.view.web.sink import PageSink
+
+    sink = PageSink(poses.robot, place.page, poses.scene)
+    console.to_stderr(f"{sink.served.address} shows it; from elsewhere first: {sink.served.tunnel_command()}")
+    thread = Thread(target=sink.served.forever, daemon=True)
+    thread.start()
+    try:
+        return poses.run(sink), 0
+    finally:
+        sink.served.server.shutdown()
+        thread.join()
+
+
+def _to_physics(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str, Any], int]:
+    from robot_retarget.live.sinks.physics import PhysicsSink
+
+    sink = PhysicsSink(poses.robot, place.mode, place.window)
+    try:
+        figures = poses.run(sink)
+    finally:
+        sink.close()
+    return figures | sink.figures(), 0
+
+
+def _to_servos(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str, Any], int]:
+    from robot_retarget.base.files import require_writable
+    from robot_retarget.live.sinks.servos import ServoSink, run_servos
+    from robot_retarget.servo.emulated import emulator_process
+
+    servo_map = _map_of(poses.robot, place.servos)
+    if not place.serial:
+        raise UsageError(f"--to servos needs --serial PORT, or --serial {EMULATED}")
+    require_writable(place.log)
+    console.note("live poses are not judged beforehand: hang the robot up, and keep the switch of its supply in reach")
+    sink = ServoSink(poses.robot, servo_map)
+    emulated = place.serial == EMULATED
+    with emulator_process(servo_map, "--physics") if emulated else nullcontext(place.serial) as serial:
+        loop = poses.loop(sink)
+        outcome, tally = run_servos(loop, sink, servo_map, serial, poses.seconds, place.log, console.to_stderr)
+    poses.save_calibration(loop)
+    for sentence in outcome.warnings:
+        console.note(sentence)
+    console.to_stderr(f"{outcome.sentence}; log in {place.log}")
+    return poses.figures(loop, tally) | {"servos": outcome.figures | {"ended": outcome.sentence}}, outcome.exit_code
+
+
+def _map_of(robot: "Robot", servos: str | None) -> "ServoMap":
+    from robot_retarget.actuators.map import load_map
+
+    if servos is not None:
+        return load_map(servos)
+    if robot.servo_map is None:
+        raise UsageError(f"{robot.name} has no servo map of its own: --servos MAP.toml")
+    return robot.servo_map
+
+
+_SHOWN = {"stdout": _to_stdout, "view": _to_page, "mujoco": _to_physics, "servos": _to_servos}
+
+
+def _send(clip: Path, target: str, how: StreamOptions, speed: float, printing: PrintOptions) -> None:
+    from threading import Event
+
+    from robot_retarget.graph.describe import among
+    from robot_retarget.live.open import require_osc
+
+    require_osc()
+    from robot_retarget.live.send import send
+    from robot_retarget.servo.interrupts import handling
+
+    motion, stop = among(ReadOptions().read(clip), how.scene), Event()
+    motion = motion if how.fps is None else motion.resample(how.fps)
+    console.to_stderr(f"sending {motion.fps * speed:g} frames a second to {target}")
+    with handling(lambda number: stop.set()):
+        figures = send(motion, target, speed, how.seconds, stop)
+    sent = f"sent {figures['frames']} frames in {figures['seconds']:g} s"
+    printing.show(figures, lambda _: console.to_stderr(sent))

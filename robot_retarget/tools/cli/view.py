@@ -1,0 +1,162 @@
+"""`view`: show trajectories in a browser, on a page, as a film or as pictures."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import typer
+
+from robot_retarget.base.errors import UsageError
+from robot_retarget.tools.cli import console
+from robot_retarget.tools.cli.bars import progress
+from robot_retarget.tools.cli.command import argument, command, option, options
+from robot_retarget.tools.cli.options import ForceOptions, LimitOptions, MapOptions, PrintOptions, ReadOptions, load
+from robot_retarget.tools.cli.stages import require_source
+
+if TYPE_CHECKING:
+    from robot_retarget.human.motion import Motion
+    from robot_retarget.tools.view.web import Take
+    from robot_retarget.tools.view.web.serve import Editor
+    from robot_retarget.tools.view.web.serve import Served as Server
+
+commands: typer.Typer = typer.Typer()
+
+
+@options
+class DrawOptions:
+    """Files that show the first trajectory, and the page of all."""
+
+    static: Path | None = option("A page to write (.html), that opens without a network.", default=None)
+    video: Path | None = option("A film to write (.mp4), of the first trajectory.", default=None)
+    gif: Path | None = option("An animated GIF to write, of the first trajectory.", default=None)
+    strip: Path | None = option("A strip of moments to write (.png), of the first trajectory.", default=None)
+
+    @property
+    def files(self) -> list[Path]:
+        """The files to write."""
+        return [path for path in (self.strip, self.video, self.gif, self.static) if path is not None]
+
+
+@options
+class ViewOptions(ForceOptions, LimitOptions, MapOptions, ReadOptions):
+    """Trajectories, their robots and their clip."""
+
+    trajectories: list[Path] = argument("Trajectories .npz, side by side.")
+    robot: list[str] = option("As for solve; once for all trajectories, or once for each of them.", "--robot", "-r")
+    motion: Path | None = option("The clip that they come from, to show the human too.", default=None)
+    simulated: Literal["pinned", "free"] | None = option(
+        "Play them on simulated servos before, pinned or free, unless a report is next to them; by default the report's mode.",
+        "--simulate",
+        default=None,
+    )
+
+
+@options
+class ServeOptions:
+    """Where the page is served and touch-ups are saved."""
+
+    edits: Path = option(
+        "Where touch-ups are saved (.toml), for mend and solve; the trajectory is saved next to it (.npz).",
+        default=Path("EDITS.toml"),
+    )
+    port: int = option("Where to serve the page; 0 takes a free port.", default=8410)
+    browser: bool = option("Open a browser, if there is a display.", default=True)
+
+
+@command(commands, epilog="Example: robot-retarget view dance.npz --robot op3 --motion dance.bvh")
+def view(viewed: ViewOptions, drawn: DrawOptions, served: ServeOptions, printing: PrintOptions) -> None:
+    """Look at trajectories: robot, human, contacts, balance, near pairs, limits, curves."""
+    from functools import partial
+
+    from robot_retarget.base.files import require_writable
+    from robot_retarget.judge.rollout import simulate
+    from robot_retarget.tools.view.web import Viewer
+    from robot_retarget.tools.view.web.serve import serve
+
+    for path in drawn.files:
+        require_writable(path)
+    clip = None if viewed.motion is None else viewed.read(viewed.motion)
+    takes = _takes(viewed, clip)
+    _draw(takes[0], drawn)
+    if drawn.static is not None:
+        page = Viewer(takes).save(drawn.static)
+        console.note(f"{page} has {page.stat().st_size / 1e6:.1f} MB")
+    if written := [str(path) for path in drawn.files]:
+        printing.result({"files": written}, f"wrote {', '.join(written)}")
+    else:
+        editor = None if clip is None else _editor(takes[0], clip, viewed.map_file, served.edits)
+        report = takes[0].report
+        mode = viewed.simulated or ("auto" if report is None else report.figures["mode"])
+        page = serve(Viewer(takes), served.port, editor, judge=partial(simulate, robot=takes[0].robot, mode=mode))
+        _answer(page, served.browser, printing)
+
+
+def _takes(viewed: ViewOptions, clip: "Motion | None") -> "tuple[Take, ...]":
+    from robot_retarget.formats import load_trajectory
+    from robot_retarget.judge.rollout import report_beside, simulate
+    from robot_retarget.tools.view.web import file_names, take_of
+
+    trajectories, robots, mode = viewed.trajectories, viewed.robot, viewed.simulated
+    if len(robots) not in (1, len(trajectories)):
+        raise UsageError(f"--robot is given once, or {len(trajectories)} times; got {len(robots)}")
+    models = {name: load(name, viewed.limits) for name in robots}
+    takes = []
+    names = file_names(trajectories) if len(trajectories) > 1 else [""]
+    for path, name, file in zip(trajectories, robots * (len(trajectories) // len(robots)), names, strict=True):
+        played = load_trajectory(path, models[name])
+        if clip is not None:
+            require_source(played, clip, viewed.force)
+        beside = report_beside(path, played, models[name], mode)
+        report = simulate(played, models[name], mode=mode) if mode and beside is None else beside
+        takes.append(take_of(played, models[name], clip, overrides=viewed.map_file, report=report, name=file))
+    return tuple(takes)
+
+
+def _draw(take: "Take", drawn: DrawOptions) -> None:
+    """Write the requested pictures.
+
+    Raises:
+        UsageError: a picture cannot be drawn.
+    """
+    from robot_retarget.tools.view import Unavailable
+    from robot_retarget.tools.view import gif as write_gif
+    from robot_retarget.tools.view import strip as draw_strip
+    from robot_retarget.tools.view import video as write_video
+
+    shown = (take.human.points, take.human.bones) if take.human else (None, None)
+    what = take.robot, take.trajectory
+    if drawn.strip is not None:
+        picture = draw_strip(*what, *shown)
+        _require_drawn(picture if isinstance(picture, Unavailable) else picture.save(drawn.strip), drawn.strip)
+    for name, write, path in (("film", write_video, drawn.video), ("gif", write_gif, drawn.gif)):
+        if path is not None:
+            with progress() as begin:
+                _require_drawn(write(*what, path, *shown, progress=begin(name)), path)
+
+
+def _require_drawn(outcome: object, path: Path) -> None:
+    from robot_retarget.tools.view import Film, Unavailable
+
+    if isinstance(outcome, Unavailable):
+        raise UsageError(f"cannot draw {path}: {outcome.reason}")
+    if isinstance(outcome, Film) and outcome.note:
+        console.note(outcome.note)
+
+
+def _editor(take: "Take", motion: "Motion", map_file: Path | None, edits: Path) -> "Editor":
+    """What touches up the first trajectory."""
+    from robot_retarget.edit.session import Session, graph_of
+
+    graph = graph_of(motion, take.robot, take.trajectory, map_file)
+    return Session(graph, take.trajectory, edits, edits.with_suffix(".npz"))
+
+
+def _answer(served: "Server", browser: bool, printing: PrintOptions) -> None:
+    import os
+    import sys
+    import webbrowser
+
+    sentence = f"{served.address} shows it; from elsewhere first: {served.tunnel_command()}. Ctrl-C ends."
+    printing.result({"address": served.address}, sentence)
+    if browser and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or sys.platform != "linux"):
+        webbrowser.open(served.address)
+    served.forever()

@@ -1,0 +1,150 @@
+"""The report as one page: the verdict in a sentence, a film, limits, charts, then figures. No script, nothing from elsewhere: it opens offline.
+
+Charts are SVG from matplotlib rather than an interactive library: a plotting script of megabytes would be most of the
+file, and a static chart shows a fault at once.
+"""
+
+import base64
+from pathlib import Path
+from typing import Any
+
+from robot_retarget.base.errors import TrajectoryError
+from robot_retarget.base.files import write_text
+from robot_retarget.base.templates import rendered
+from robot_retarget.collision.warn import Warnings
+from robot_retarget.judge.report import Report
+from robot_retarget.judge.report_text import facts, headline, judged_lines
+from robot_retarget.judge.units import shown
+from robot_retarget.tools.view import charts
+from robot_retarget.tools.view.approaches import NEEDS_MATPLOTLIB
+from robot_retarget.tools.view.loop import AnimatedWebP
+from robot_retarget.tools.view.picture import Picture, Unavailable
+from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory
+
+TEMPLATE = Path(__file__).with_name("page.html")
+UNITS = {"_rad": "rad", "_s": "s", "_Nm": "N m", "_A": "A", "_K": "K", "_share": "of all"}
+"""Unit of a joint's figure, by the end of its name."""
+
+
+def save_page(
+    report: Report,
+    trajectory: Trajectory | str | Path,
+    path: str | Path,
+    *,
+    warnings: Warnings | None = None,
+    strip: Picture | None = None,
+    film: Path | AnimatedWebP | Unavailable | None = None,
+    viewer: Path | None = None,
+) -> Path | Unavailable:
+    """Write `report.html`, whole or not at all.
+
+    Args:
+        trajectory: that the report is of, or the path of its file.
+        warnings: of the trajectory, for the timeline.
+        strip: moments of the motion, to embed.
+        film: an mp4 or a loop to embed, or the reason for its absence.
+        viewer: the viewer's page in the same folder, to link to.
+
+    Raises:
+        TrajectoryError: the report is of another trajectory.
+        OutputError: it cannot be written.
+    """
+    played = trajectory if isinstance(trajectory, Trajectory) else load_trajectory(trajectory)
+    if fingerprint(trajectory) != report.trajectory_sha256:
+        raise TrajectoryError("the report is of another trajectory: their sha256 differ")
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError:
+        return Unavailable(NEEDS_MATPLOTLIB)
+    lines, heads = judged_lines(report), _joint_heads(report.figures["joints"])
+    broken = [line for line in lines if not line.held]
+    page = rendered(
+        TEMPLATE,
+        report=report,
+        motion=played.source or "a trajectory",
+        headline=headline(report),
+        reasons=(*report.reasons, *report.unlike),
+        advice=_advice(report.figures) if report.reasons else [],
+        **_film(film),
+        lines=lines,
+        broken=broken,
+        kept=f"{len(lines) - len(broken)} of {len(lines)} limits kept",
+        strip=None if strip is None else _base64(strip.webp),
+        bodies="; ".join(map(str, played.scene.bodies if played.scene else ())),
+        viewer=viewer.name if viewer is not None and viewer.is_file() else None,
+        charts=_charts(report, warnings),
+        facts=[*facts(report.figures), *_foreseen(report.figures)],
+        heads=[key.removesuffix(end).replace("_", " ") for key, end in heads.items()],
+        joints=[(name, _values(own, heads)) for name, own in report.figures["joints"].items()],
+    )
+    return write_text(path, page)
+
+
+def _advice(f: Any) -> list[str]:
+    """Return advice on failures that an option can prevent, a sentence each."""
+    advice = []
+    if f.get("fall_s") is not None:
+        advice.append("To stay upright: keep both feet in place (--legs stand), or use balance (--balance static).")
+    if f["speed_ratio"] > 1:
+        advice.append(
+            f"{f['speed_ratio_joint']} exceeds its speed limit in the plan: slow the clip, or leave the quick move out."
+        )
+    if f["self_contact_share"] > 0 or f["tracked_self_contact_share"] > 0:
+        advice.append("Where links touch, and when: see the warnings below, and the near pairs in the viewer.")
+    return advice
+
+
+def _foreseen(f: Any) -> list[tuple[str, str, str]]:
+    predicted = f.get("foreseen")
+    if not predicted or not predicted["tracked_contacts"]:
+        return []
+    share = f"{predicted['tracked_contacts_foreseen']} of {predicted['tracked_contacts']}"
+    return [("contacts foreseen", share, "touches on the servos that were warned of")]
+
+
+def _film(film: Path | AnimatedWebP | Unavailable | None) -> dict[str, str]:
+    """Return the film or loop with its caption, or the reason for its absence."""
+    found: dict[str, str] = dict.fromkeys(("absent", "loop_data", "film_data", "caption"), "")
+    if isinstance(film, Unavailable):
+        found["absent"] = film.reason
+    elif isinstance(film, AnimatedWebP):
+        pace = f"{film.pace:.2g} times as fast as the robot" if film.pace > 1 else ""
+        found |= {"loop_data": _base64(film.data), "caption": "; ".join(filter(None, (pace, film.note)))}
+    elif film is not None and film.is_file():
+        found["film_data"] = _base64(film.read_bytes())
+    return found
+
+
+def _base64(data: bytes) -> str:
+    return base64.b64encode(data).decode("ascii")
+
+
+def _charts(report: Report, warnings: Warnings | None) -> list[tuple[str, str, str]]:
+    """Return the title, the explanation and the SVG of every chart that has something to show."""
+    planned = "" if report.figures["mode"] == "free" else ", as planned"
+    drawn = (
+        ("Tracking", "the joints with the largest error in plain playback", lambda: charts.tracking(report)),
+        ("Error by joint", "", lambda: charts.errors(report)),
+        ("Torque against its limit", "", lambda: charts.torques(report)),
+        ("Balance" + planned, "over the soles, and how far inside them", lambda: charts.balance(report)),
+        (
+            "Warnings of contact",
+            "bars: warnings; red: contacts in the plan; triangles: start of contacts on the servos",
+            lambda: charts.timeline(report, warnings),
+        ),
+    )
+    if not len(report.series.get("time", ())):
+        return []
+    return [(title, meaning, chart) for title, meaning, draw in drawn if (chart := draw())]
+
+
+def _joint_heads(joints: Any) -> dict[str, str]:
+    """Return every figure of a joint, with the suffix of its name that means its unit."""
+    keys = dict.fromkeys(key for own in joints.values() for key in own)
+    return {key: next((end for end in UNITS if key.endswith(end)), "") for key in keys}
+
+
+def _values(own: Any, heads: dict[str, str]) -> list[str]:
+    """Return a joint's figures in common units."""
+    found = ((own.get(key), UNITS.get(end, "")) for key, end in heads.items())
+    return ["–" if value is None else shown(value, unit) for value, unit in found]

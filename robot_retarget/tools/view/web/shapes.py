@@ -1,0 +1,149 @@
+"""What is seen of a robot and of the bodies around it: geoms, and meshes with few enough triangles for a page."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from robot_retarget.base.arrays import Floats, Ints
+from robot_retarget.robot.model import Robot
+from robot_retarget.scene.geoms import CARTON, STANDING
+from robot_retarget.scene.scene import Scene
+from robot_retarget.scene.shape import BodyShape, ShapeKind
+from robot_retarget.tools.view.staging import LINK, METAL, height_of, linked, visible
+
+_GEOM = mujoco.mjtGeom
+KINDS = {
+    int(_GEOM.mjGEOM_SPHERE): "sphere",
+    int(_GEOM.mjGEOM_CAPSULE): "capsule",
+    int(_GEOM.mjGEOM_ELLIPSOID): "ellipsoid",
+    int(_GEOM.mjGEOM_CYLINDER): "cylinder",
+    int(_GEOM.mjGEOM_BOX): "box",
+    int(_GEOM.mjGEOM_MESH): "mesh",
+}
+TRIANGLES = 60_000
+"""Largest number of triangles of all meshes of a robot: about one for each pixel that it covers."""
+FEWEST = 40
+"""Smallest number of triangles of a simplified mesh."""
+PLAIN = (0.5, 0.5, 0.5, 1.0)
+"""MuJoCo's colour of a geom that was given none; its material's counts then."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A geom: kind, size as in MuJoCo, and pose in its body's frame."""
+
+    body: int
+    kind: str
+    size: Floats
+    """(3,) [m]."""
+    position: Floats
+    """(3,) [m]."""
+    quaternion: Floats
+    """(4,) w x y z."""
+    colour: Floats
+    """(4,) red, green, blue, alpha, 0 … 1."""
+    mesh: tuple[Floats, Ints] | None = None
+    """Vertices (V, 3) [m] and triangles (F, 3)."""
+
+
+def shapes_of(robot: Robot, triangles: int = TRIANGLES) -> list[Shape]:
+    """The visible geoms of a robot, the collision geoms of a body without visible ones, the links of a robot without geoms.
+
+    Args:
+        triangles: limit of all meshes together; meshes are simplified evenly if the extra `view` is installed, else
+            they are unchanged.
+    """
+    model = robot.model
+    geoms = [int(geom) for geom in visible(model) if int(model.geom_type[geom]) in KINDS]
+    counts = {
+        g: int(model.mesh_facenum[model.geom_dataid[g]]) for g in geoms if model.geom_type[g] == _GEOM.mjGEOM_MESH
+    }
+    share = min(1.0, triangles / max(sum(counts.values()), 1))
+    meshes = {g: _thinned(*_mesh(model, g), max(int(share * count), FEWEST)) for g, count in counts.items()}
+    return [_shape(model, geom, meshes.get(geom)) for geom in geoms] + _links(robot)
+
+
+def shapes_of_scene(scene: Scene) -> list[Shape]:
+    """The bodies of a scene in their own frames, each under its index; planes are not drawn."""
+    found = []
+    for k, body in enumerate(scene.bodies):
+        if body.shape.kind is not ShapeKind.PLANE:
+            kind, size, mesh = _drawn(body.shape)
+            colour = STANDING if body.fixed else CARTON
+            still = np.zeros(3), np.array([1.0, 0, 0, 0])
+            found.append(Shape(k, kind, np.array(size), *still, np.array(colour), mesh))
+    return found
+
+
+def _drawn(shape: BodyShape) -> tuple[str, list[float], tuple[Floats, Ints] | None]:
+    """Return kind, size as in MuJoCo and mesh of a body's shape."""
+    length, _, height = (shape.size / 2).tolist()
+    match shape.kind:
+        case ShapeKind.MESH:
+            return "mesh", [0.0] * 3, (shape.vertices, shape.faces)
+        case ShapeKind.HEIGHT_FIELD:
+            return "mesh", [0.0] * 3, _field(shape)
+        case ShapeKind.CYLINDER:
+            return "cylinder", [length, height, 0.0], None
+        case ShapeKind.SPHERE:
+            return "sphere", [length, 0.0, 0.0], None
+        case _:
+            return "box", (shape.size / 2).tolist(), None
+
+
+def _field(shape: BodyShape) -> tuple[Floats, Ints]:
+    """Return the surface of a height field as a mesh."""
+    rows, columns = shape.heights.shape
+    x, y = np.meshgrid(
+        *(np.linspace(-edge / 2, edge / 2, n) for edge, n in zip(shape.size, (columns, rows), strict=False))
+    )
+    corner = np.arange(rows * columns).reshape(rows, columns)
+    a, b, c, d = (part.ravel() for part in (corner[:-1, :-1], corner[:-1, 1:], corner[1:, :-1], corner[1:, 1:]))
+    faces = np.concatenate([np.stack([a, b, d], axis=1), np.stack([a, d, c], axis=1)])
+    return np.stack([x, y, shape.heights], axis=2).reshape(-1, 3), faces
+
+
+def _links(robot: Robot) -> list[Shape]:
+    """A capsule from the origin of each linked body's parent to its own."""
+    model, found = robot.model, []
+    for body in linked(model).tolist():
+        end = model.body_pos[body]
+        length = float(np.linalg.norm(end))
+        turn = Rotation.align_vectors([end], [[0, 0, 1]])[0] if length else Rotation.identity()
+        size = np.array([LINK * height_of(robot), length / 2, 0.0])
+        pose = end / 2, turn.as_quat(scalar_first=True)
+        found.append(Shape(int(model.body_parentid[body]), "capsule", size, *pose, np.array(METAL)))
+    return found
+
+
+def _shape(model: mujoco.MjModel, geom: int, mesh: tuple[Floats, Ints] | None) -> Shape:
+    material, own = int(model.geom_matid[geom]), model.geom_rgba[geom]
+    colour = model.mat_rgba[material] if material >= 0 and np.allclose(own, PLAIN) else own
+    place = model.geom_pos[geom], model.geom_quat[geom]
+    return Shape(
+        int(model.geom_bodyid[geom]), KINDS[int(model.geom_type[geom])], model.geom_size[geom], *place, colour, mesh
+    )
+
+
+def _mesh(model: mujoco.MjModel, geom: int) -> tuple[Floats, Ints]:
+    """Vertices and triangles as they were compiled, vertices that coincide made one."""
+    mesh = int(model.geom_dataid[geom])
+    first, faces = int(model.mesh_vertadr[mesh]), int(model.mesh_faceadr[mesh])
+    vertices = model.mesh_vert[first : first + int(model.mesh_vertnum[mesh])]
+    triangles = model.mesh_face[faces : faces + int(model.mesh_facenum[mesh])]
+    once, place = np.unique(np.asarray(vertices, float).round(6), axis=0, return_inverse=True)
+    return once, place.ravel()[triangles]
+
+
+def _thinned(vertices: Floats, triangles: Ints, most: int) -> tuple[Floats, Ints]:
+    """Simplify a mesh to a number of triangles, by quadric edge collapse."""
+    if len(triangles) <= most:
+        return vertices, triangles
+    try:
+        from fast_simplification import simplify
+    except ImportError:
+        return vertices, triangles
+    made = simplify(vertices, triangles.astype(np.int32), 1 - most / len(triangles))
+    return np.asarray(made[0], float), np.asarray(made[1], np.int64)

@@ -1,0 +1,218 @@
+"""Data of a take for the page: names and numbers in a header, everything else as packed arrays."""
+
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from robot_retarget.base.arrays import Floats, path_to_root
+from robot_retarget.judge.report import Report
+from robot_retarget.robot.kinematics import body_frames
+from robot_retarget.robot.model import Robot
+from robot_retarget.robot.stance import Stance, planned_stance
+from robot_retarget.robot.timing import joint_velocities
+from robot_retarget.scene.scene import Scene
+from robot_retarget.tools.view import human
+from robot_retarget.tools.view.staging import Staging, arrange
+from robot_retarget.tools.view.web.layers import anchors, footholds, keypoints_of, near_pairs, outline, runs
+from robot_retarget.tools.view.web.pack import ANGLE, LENGTH, TURN, Packer
+from robot_retarget.tools.view.web.shapes import Shape, shapes_of, shapes_of_scene
+from robot_retarget.tools.view.web.stress import stress_of
+from robot_retarget.tools.view.web.take import Take
+
+SCALAR_LAST = [0, 1, 2, 4, 5, 6, 3]
+"""Columns of a pose with the quaternion as x y z w, from one as w x y z."""
+COARSE = 1e-3
+"""Resolution of charts: degrees, centimetres, newton metres."""
+
+
+def take_header(take: Take, packer: Packer) -> dict[str, Any]:
+    """Return the header of one take; its arrays go into the packer."""
+    robot, trajectory = take.robot, take.trajectory
+    times = np.arange(len(trajectory)) / trajectory.fps
+    figure = take.human
+    staging = arrange(robot, trajectory, *((figure.points, figure.bones) if figure else (None, None)), times)
+    shapes = shapes_of(robot)
+    stance = planned_stance(robot, trajectory)
+    return {
+        "title": take.title,
+        "name": take.name or robot.name,
+        "robot": robot.name,
+        "frames": len(trajectory),
+        "fps": trajectory.fps,
+        "height": round(staging.height, 4),
+        "floor": round(staging.floor, 4),
+        "azimuth": round(staging.azimuth, 2),
+        "distance": round(staging.distance, 3),
+        "reach": round(_reach(staging), 3),
+        "way": packer.add(staging.targets, LENGTH),
+        "bodies": _bodies(robot, shapes),
+        "shapes": [_shape(shape, packer) for shape in shapes],
+        "poses": packer.add(poses(robot, staging.qpos, shapes), TURN),
+        "around": _around(staging.scene, len(times), packer) if staging.scene else None,
+        "human": _human(take, staging, packer) if figure else None,
+        "keypoints": _keypoints(robot, staging.qpos, packer),
+        "joints": _joints(take, packer),
+        "stance": _stance(stance, trajectory.fps, packer) if stance else None,
+        "warnings": _warnings(take, staging, packer) if take.warnings else None,
+        "stress": stress_of(take.solution, packer) if take.solution else None,
+        "before": packer.add(poses(robot, take.before.qpos, shapes), TURN) if take.before else None,
+        "report": _report(take, take.report, shapes, packer) if take.report else None,
+    }
+
+
+def _reach(staging: Staging) -> float:
+    """How far to either side of its way a robot and its human reach [m]."""
+    places, _ = body_frames(staging.robot, staging.qpos[:: max(len(staging.qpos) // 40, 1)])
+    way = places[:, staging.robot.root_body, None]
+    reach = np.abs((places[:, 1:] - way) @ staging.right).max() + 0.1 * staging.height
+    return float(max(reach, abs(staging.aside) + 0.3 * staging.height if staging.human.size else 0.0))
+
+
+def seen(shapes: list[Shape]) -> list[int]:
+    """Return the bodies that shapes show, in order."""
+    return sorted({shape.body for shape in shapes})
+
+
+def _bodies(robot: Robot, shapes: list[Shape]) -> list[dict[str, Any]]:
+    """Names of the bodies that are seen, and the last hinge that moves each."""
+    found, owners = [], robot.model.jnt_bodyid[robot.joint_ids]
+    for body in seen(shapes):
+        path = path_to_root(robot.model.body_parentid, body)
+        hinges = (k for carrier in path for k in reversed(range(len(owners))) if owners[k] == carrier)
+        found.append({"name": robot.model.body(body).name, "joint": next(hinges, -1)})
+    return found
+
+
+def _shape(shape: Shape, packer: Packer) -> dict[str, Any]:
+    mesh = None
+    if shape.mesh is not None:
+        vertices, triangles = shape.mesh
+        mesh = {"vertices": packer.add(vertices, LENGTH), "triangles": packer.add(triangles)}
+    numbers = {"size": shape.size, "position": shape.position, "quaternion": shape.quaternion, "colour": shape.colour}
+    return {
+        "body": shape.body, "kind": shape.kind, "mesh": mesh,
+        **{name: [round(float(x), 5) for x in values] for name, values in numbers.items()},
+    }  # fmt: skip
+
+
+def poses(robot: Robot, qpos: Floats, shapes: list[Shape]) -> Floats:
+    """(T, B, 7) places [m] and quaternions x y z w of the bodies that are seen."""
+    bodies = seen(shapes)
+    places, turns = body_frames(robot, qpos)
+    quaternions = Rotation.from_matrix(turns[:, bodies].reshape(-1, 3, 3)).as_quat().reshape(len(qpos), -1, 4)
+    return np.concatenate([places[:, bodies], quaternions], axis=2)
+
+
+def _around(scene: Scene, frames: int, packer: Packer) -> dict[str, Any]:
+    """Return names, shapes and poses of the bodies around a robot that are seen."""
+    shapes = shapes_of_scene(scene)
+    drawn = seen(shapes)
+    paths = scene.poses(frames)[:, drawn][..., SCALAR_LAST]
+    return {
+        "names": [scene.names[body] for body in drawn],
+        "shapes": [_shape(shape, packer) for shape in shapes],
+        "poses": packer.add(paths, TURN),
+    }
+
+
+def _human(take: Take, staging: Staging, packer: Packer) -> dict[str, Any]:
+    figure = human.stick_figure(staging)
+    return {
+        "names": list(take.human.names) if take.human else [],
+        "points": packer.add(staging.human, LENGTH),
+        "bones": staging.bones.tolist(),
+        "limbs": figure.limbs.tolist(),
+        "radii": np.round(figure.radii, 4).tolist(),
+        "aside": np.round(staging.aside * staging.right, 4).tolist(),
+    }
+
+
+def _keypoints(robot: Robot, qpos: Floats, packer: Packer) -> dict[str, Any] | None:
+    found = keypoints_of(robot, qpos)
+    if found is None:
+        return None
+    return {"names": list(found.names), "points": packer.add(found.points, LENGTH), "bones": found.bones.tolist()}
+
+
+def _joints(take: Take, packer: Packer) -> dict[str, Any]:
+    robot, trajectory = take.robot, take.trajectory
+    speed = joint_velocities(trajectory, robot)
+    held = np.concatenate([speed, speed[-1:]]) if len(speed) else np.zeros((1, len(robot.joint_ids)))
+    return {
+        "names": list(robot.joint_names),
+        "lower": np.degrees(robot.lower).round(2).tolist(),
+        "upper": np.degrees(robot.upper).round(2).tolist(),
+        "fastest": np.degrees(robot.max_speed).round(1).tolist(),
+        "angles": packer.add(trajectory.qpos[:, robot.qpos_index], ANGLE),
+        "speeds": packer.add(held, 10 * ANGLE),
+        "anchors": packer.add(anchors(robot, trajectory.qpos), LENGTH),
+    }
+
+
+def _stance(stance: Stance, fps: float, packer: Packer) -> dict[str, Any]:
+    """Footholds and contact schedule by foot; support, centre of mass and zero moment point by frame."""
+    outlines = [outline(points[down, :2]) for points, down in zip(stance.points, stance.down, strict=True)]
+    return {
+        "feet": list(stance.feet.names),
+        "schedule": [list(runs(touching)) for touching in stance.touching.T],
+        "footholds": [
+            {
+                "foot": hold.foot,
+                "first": hold.first,
+                "last": hold.last,
+                "outline": hold.outline.round(4).tolist(),
+                "height": round(hold.height, 4),
+            }
+            for hold in footholds(stance, fps)
+        ],
+        "counts": packer.add([len(corners) for corners in outlines]),
+        "outlines": packer.add(np.concatenate(outlines) if outlines else np.zeros((0, 2)), LENGTH),
+        "com": packer.add(stance.com, LENGTH),
+        "zmp": packer.add(stance.zmp, LENGTH),
+        "com_margin": packer.add(100 * stance.com_margin, COARSE),
+        "zmp_margin": packer.add(100 * stance.zmp_margin, COARSE),
+    }
+
+
+def _warnings(take: Take, staging: Staging, packer: Packer) -> dict[str, Any]:
+    """The nearest pairs by frame, and every warning as a stretch."""
+    warnings = take.warnings
+    assert warnings is not None
+    near = near_pairs(staging, warnings)
+    columns = near.columns
+    return {
+        "pairs": [" – ".join(warnings.pairs[column]) for column in columns.tolist()],
+        "ends": packer.add(near.ends, LENGTH),
+        "now": packer.add(warnings.distance[:, columns], LENGTH),
+        "ahead": packer.add(warnings.ahead[:, columns], LENGTH),
+        "alpha": packer.add(warnings.alpha[:, columns], COARSE),
+        "state": packer.add(warnings.state[:, columns]),
+        "contact": packer.add(warnings.time_to_contact[:, columns], COARSE),
+        "events": [
+            {
+                "pair": " – ".join(event.pair),
+                "first": event.first_warning,
+                "last": event.last,
+                "touch": event.contact,
+                "lead": event.lead_s,
+            }
+            for event in warnings.events
+        ],
+    }
+
+
+def _report(take: Take, report: Report, shapes: list[Shape], packer: Packer) -> dict[str, Any]:
+    """Return the badge, the reasons and the simulated motion, if it is that of the trajectory."""
+    robot, series = take.robot, {} if take.stale else report.series
+    simulated = series.get("simulated", np.zeros((0, robot.model.nq)))
+    return {
+        "badge": report.badge.contract(),
+        "reasons": [*report.reasons, *report.unlike],
+        "stale": take.stale,
+        "fall": None if take.stale else report.figures.get("fall_s"),
+        "poses": packer.add(poses(robot, simulated, shapes), TURN) if len(simulated) else None,
+        "error": packer.add(np.degrees(series["error"]), COARSE) if "error" in series else None,
+        "torque": packer.add(series["torque"], COARSE) if "torque" in series else None,
+        "bounds": [float(b) if np.isfinite(b) else None for b in series.get("bounds", ())],
+    }

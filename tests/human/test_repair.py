@@ -1,0 +1,201 @@
+"""Defects of a capture are found with their frames, repaired where that is safe, and reported."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from shared_files import SHARED, needs_shared
+
+from robot_retarget.human.capture import Capture
+from robot_retarget.human.readers.bvh import read_bvh
+from robot_retarget.human.recognition import recognise
+from robot_retarget.human.repair.noise import NoiseRule, noise_of, smoothed
+from robot_retarget.human.stature import leg_length
+from robot_retarget.human.upright import upright
+
+pytestmark = needs_shared
+FOLDER = SHARED / "motions" / "bvh"
+CLEAN = (
+    "lafan1_procedural/walk_procedural",
+    "xsens_mvn/BVH2SMPL_Sit54",
+    "lafan1_procedural/backflip_procedural",
+    "fair1_zup/jumping",
+)
+
+
+def capture_of(clip: str) -> Capture:
+    return read_bvh(FOLDER / f"{clip}.bvh")
+
+
+def walk() -> tuple[Capture, float]:
+    capture = capture_of(CLEAN[0])
+    return capture, leg_length(recognise(capture.skeleton, capture.positions), capture.positions)
+
+
+@pytest.mark.parametrize("clip", CLEAN)
+def test_a_clean_clip_is_left_as_it_is(clip):
+    capture = capture_of(clip)
+    assert upright(capture).positions == pytest.approx(upright(capture, repair=False).positions, abs=1e-12)
+
+
+@pytest.mark.parametrize("frames", [1, 5, 1000])
+def test_a_jump_of_the_root_is_bridged_and_said_with_its_frame(frames):
+    capture, leg = walk()
+    x = capture.positions.copy()
+    x[100 : 100 + frames] += leg * np.array([1.0, 0.3, -0.5])
+    mended, whole = upright(replace(capture, positions=x)), upright(capture)
+    steps = [np.linalg.norm(np.diff(m.positions, axis=0), axis=2).max() for m in (mended, whole)]
+    assert steps[0] < 1.5 * steps[1]
+    assert any("The body jumps" in n and "frame 100 (3.33 s)" in n and "bridged" in n for n in mended.notes)
+
+
+def test_a_limb_that_flies_is_led_across():
+    capture, leg = walk()
+    names = capture.skeleton.names
+    x = capture.positions.copy()
+    hand = [k for k in range(len(names)) if names.index("LeftForeArm") in capture.skeleton.above(k)]
+    x[60:63, hand] += 0.7 * leg * np.array([0.0, 1.0, 0.0])
+    mended, whole = (upright(replace(capture, positions=p, rotations=None)) for p in (x, capture.positions))
+    assert np.abs(mended.positions - whole.positions).max() < 0.08
+    assert any("l_arm jumps at frames 60–62 (2.00–2.07 s)" in note for note in mended.notes)
+
+
+def test_a_head_that_flies_is_led_across():
+    capture, leg = walk()
+    head = [k for k, name in enumerate(capture.skeleton.names) if name.startswith("Head")]
+    x = capture.positions.copy()
+    x[60, head] += 3.0 * leg
+    mended, whole = (upright(replace(capture, positions=p, rotations=None)) for p in (x, capture.positions))
+    assert np.abs(mended.positions - whole.positions).max() < 0.08
+    assert any("head jumps at frame 60" in note for note in mended.notes)
+
+
+@pytest.mark.parametrize("away", [30.0, 1e3, 1e5])
+def test_a_joint_that_is_nowhere_near_the_body_is_said(away):
+    capture, leg = walk()
+    x = capture.positions.copy()
+    x[60, capture.skeleton.names.index("Head_end")] += away * leg
+    assert any("Head_end tears at frame 60" in note for note in upright(replace(capture, positions=x)).notes)
+
+
+def largest_steps(motion) -> np.ndarray:
+    """(K,) of every keypoint [m]."""
+    x = recognise(motion.skeleton, motion.positions).place(motion.positions)
+    return np.linalg.norm(np.diff(x, axis=0), axis=2).max(axis=0)
+
+
+@pytest.mark.parametrize("frames", [1, 4, 1000])
+def test_a_trunk_that_bends_at_once_is_no_jump_of_the_body(frames):
+    """Shifting the whole body after it would throw the pelvis, which stood still, across the room."""
+    capture, leg = walk()
+    names = capture.skeleton.names
+    upper = [k for k in range(len(names)) if names.index("Spine") in capture.skeleton.above(k)]
+    x = capture.positions.copy()
+    x[100 : 100 + frames, upper] += 0.6 * leg * np.array([0.6, 0.0, 0.8])
+    broken = replace(capture, positions=x, rotations=None)
+    mended, raw = upright(broken), upright(broken, repair=False)
+    assert (largest_steps(mended) <= largest_steps(raw) + 1e-9).all()
+    assert any("The body jumps" in note and "frame 100 (" in note and "less smooth" in note for note in mended.notes)
+
+
+def test_without_repair_it_is_only_said():
+    capture, leg = walk()
+    x = capture.positions.copy()
+    x[100:] += leg
+    motion = upright(replace(capture, positions=x), repair=False)
+    assert any("The body jumps" in note and "--no-repair" in note for note in motion.notes)
+    assert np.linalg.norm(np.diff(motion.positions, axis=0), axis=2).max() > 1.0
+
+
+def test_a_pose_held_before_the_motion_is_dropped_however_long():
+    capture, leg = walk()
+    held = np.repeat(capture.positions[:1] + leg * np.array([2.0, 0.0, 1.0]), 45, axis=0)
+    motion = upright(replace(capture, positions=np.concatenate([held, capture.positions]), rotations=None))
+    assert len(motion) == len(capture.positions)
+    assert any("The first 45 frames (1.50 s) are one pose" in note for note in motion.notes)
+
+
+@pytest.mark.parametrize("count", [1, 4, 45])
+def test_a_pose_held_after_the_motion_is_dropped_however_long(count):
+    capture, leg = walk()
+    held = np.repeat(capture.positions[-1:] + leg * np.array([2.0, 0.0, 1.0]), count, axis=0)
+    motion = upright(replace(capture, positions=np.concatenate([capture.positions, held]), rotations=None))
+    assert motion.positions == pytest.approx(upright(replace(capture, rotations=None)).positions)
+    assert any(note.startswith("The last") and note.endswith("dropped.") for note in motion.notes)
+
+
+@pytest.mark.parametrize(("way", "kept"), [(1, r"--frames 4[0-2]: "), (-1, r"--frames :(198|199|200) ")])
+def test_a_t_pose_that_leads_into_the_motion_or_out_of_it_is_said(way, kept):
+    """Arms and legs laid out straight by hand, held for 40 frames, and led on in a second."""
+    capture, leg = walk()
+    found = recognise(capture.skeleton, capture.positions)
+    x = capture.positions[:40].copy()
+    x[:] = x[:1]
+    for side, sign in (("l", 1), ("r", -1)):
+        hip, shoulder = (x[0, found.marks[f"{side}_{part}"].joints[0]] for part in ("hip", "shoulder"))
+        across = x[0, found.marks["l_hip"].joints[0]] - x[0, found.marks["r_hip"].joints[0]]
+        across = sign * np.array([across[0], 0, across[2]]) / np.linalg.norm(across)
+        for part, (start, step) in {
+            "knee": (hip, [0, -leg / 2, 0]), "ankle": (hip, [0, -leg, 0]), "toe": (hip, [0, -leg, leg / 9]),
+            "elbow": (shoulder, leg / 3 * across), "hand": (shoulder, leg / 1.6 * across),
+        }.items():  # fmt: skip
+            x[:, found.marks[f"{side}_{part}"].joints[0]] = start + np.array(step)
+    share = np.linspace(0, 1, 30)[:, None, None]
+    posed = np.concatenate([x, x[-1:] + share * (capture.positions[:1] - x[-1:]), capture.positions[:170]])
+    notes = upright(replace(capture, positions=posed[::way], rotations=None)).notes
+    assert any("in a T-pose" in note and re.search(kept, note) for note in notes)
+
+
+def test_feet_that_skate_throughout_are_said_with_how_fast_and_when():
+    capture = capture_of("mixamo/test_freebvh_walk")
+    still = upright(capture)
+    moved = np.arange(len(capture.positions))[:, None, None] / capture.fps * np.array([0.0, 0.0, -120.0])
+    motion = upright(replace(capture, positions=capture.positions + moved))
+    (note,) = [note for note in motion.notes if "The feet skate" in note]
+    assert float(re.findall(r"at ([\d.]+) m/s", note)[0]) == pytest.approx(1.2, abs=0.15)
+    assert not any("skate" in note for note in still.notes)
+
+
+def test_a_body_that_rises_throughout_is_said_to_float():
+    capture = capture_of("xsens_mvn/BVH2SMPL_Sit54")
+    rise = np.arange(len(capture.positions))[:, None, None] / capture.fps * np.array([0.0, 10.0, 0.0])
+    notes = upright(replace(capture, positions=capture.positions + rise, up="+y")).notes
+    assert any(note.startswith("The body floats in") for note in notes)
+    assert not any("floats" in note for note in upright(capture).notes)
+
+
+@pytest.mark.parametrize("size", [0.003, 0.01])
+def test_noise_is_measured_as_it_was_made_and_taken_away(size):
+    capture, _ = walk()
+    x = capture.positions + np.random.default_rng(0).normal(0, 100 * size, capture.positions.shape)
+    assert noise_of(x / 100, capture.fps, NoiseRule()) == pytest.approx(size, rel=0.25)
+    motion = upright(replace(capture, positions=x, rotations=None))
+    assert any("waver by" in note and "low pass of 6 Hz" in note for note in motion.notes)
+    # White noise through a low pass of 6 of 15 Hz keeps less than two thirds of its deviation.
+    assert np.std(motion.positions - upright(capture).positions) < 0.7 * size
+
+
+def test_smoothing_keeps_bones_as_long_as_they_are():
+    capture = capture_of("xsens_mvn/BVH2SMPL_Sit54").part(slice(1, None))
+    parents = capture.skeleton.parents
+    bones = [
+        np.linalg.norm(c.positions[:, 1:] - c.positions[:, parents[1:]], axis=2)
+        for c in (capture, smoothed(capture, NoiseRule()))
+    ]
+    assert bones[1] == pytest.approx(bones[0], abs=1e-6)
+
+
+def test_keyframes_far_apart_are_said():
+    capture, _ = walk()
+    assert any("keyframes" in note for note in upright(replace(capture, fps=1.0)).notes)
+
+
+def test_a_body_that_climbs_is_noted_with_height_and_time():
+    capture, _ = walk()
+    share = np.clip((np.linspace(0, 1, len(capture.positions)) - 0.4) / 0.2, 0, 1)
+    steps = 60.0 * share[:, None, None] * np.array([0.0, 1.0, 0.0])
+    notes = upright(replace(capture, positions=capture.positions + steps, rotations=None, up="+y")).notes
+    (note,) = [note for note in notes if "change their height" in note]
+    assert float(re.findall(r"by ([\d.]+) m", note)[0]) == pytest.approx(0.6, abs=0.08)
+    assert not any("change their height" in note for note in upright(capture).notes)

@@ -1,0 +1,90 @@
+"""One badge: the same words in the terminal, in report.json, on the report page and in the viewer."""
+
+import itertools
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made_trajectories import hold
+
+from robot_retarget.base.errors import TrajectoryError
+from robot_retarget.judge.report import Report
+from robot_retarget.judge.rollout import simulate
+from robot_retarget.judge.verdict import Badge
+from robot_retarget.robot import load_robot
+from robot_retarget.tools.cli import console
+from robot_retarget.tools.view.page import save_page
+from robot_retarget.tools.view.web.pack import Packer
+from robot_retarget.tools.view.web.show import take_header
+from robot_retarget.tools.view.web.take import take_of
+from robot_retarget.trajectory import load_trajectory
+
+OP3 = load_robot("op3")
+
+
+@pytest.fixture(scope="module")
+def held() -> Report:
+    return simulate(replace(hold(OP3, 0.3), likeness={"limb_rad": 0.1}), OP3)
+
+
+def test_every_badge_has_its_own_words() -> None:
+    badges = [Badge(*flags) for flags in itertools.product((False, True), repeat=5)]
+    assert len({badge.text for badge in badges if badge.passed}) == 12
+    assert Badge(True).text == "pass (pinned)"
+    assert Badge(True, unlike=True, pinned=False, feedback=True).text == "pass, but unlike (free, with feedback)"
+    assert Badge(False, unlike=True, pinned=False).text == "fail (free)"
+    assert Badge(True, compared=False).text == "pass, likeness not judged (pinned)"
+
+
+def test_the_likeness_of_a_file_is_judged_as_it_was_found(tmp_path: Path) -> None:
+    """A walk that stands, solved in one process and simulated in another."""
+    found = {"limb_rad": 0.6, "limb_rad_legs": 0.6, "limbs_far_share": 1.0, "legs": "follow", "stride": None}
+    path = replace(hold(OP3, 0.3), likeness=found).save(tmp_path / "walk.npz")
+    report = simulate(path, OP3)
+    assert report.badge.text == "pass, but unlike (pinned)"
+    assert report.unlike == (
+        "legs are 34° from the human's on average",
+        "frames with limbs over 25° from the human's: 100 %, more than 5 %",
+    )
+    assert report.trajectory is not None and report.trajectory.likeness == found
+
+
+def test_a_motion_that_was_not_compared_is_called_so(tmp_path: Path) -> None:
+    like = replace(hold(OP3, 0.3), likeness={"limb_rad": 0.1})
+    for motion in (hold(OP3, 0.3), like.altered(qpos=like.qpos[::-1])):
+        report = simulate(motion, OP3)
+        assert report.badge.text == "pass, likeness not judged (pinned)" and report.contract()["unlike"] is None
+
+
+@pytest.mark.parametrize("text", ["[1]", "{", '{"limb_rad": NaN}', '{"limb_rad": [1]}', '{"limb_rad": 1e400}'])
+def test_a_likeness_that_is_no_table_of_figures_is_refused(text: str, tmp_path: Path) -> None:
+    hold(OP3, 0.3).save(tmp_path / "good.npz")
+    with np.load(tmp_path / "good.npz") as arrays:
+        np.savez(tmp_path / "bad.npz", **{**arrays, "likeness": text})
+    with pytest.raises(TrajectoryError, match="likeness is not a table of figures"):
+        load_trajectory(tmp_path / "bad.npz")
+
+
+@pytest.mark.parametrize("unlike", [(), ("it takes 3.0 times as long as the human",)])
+def test_all_outputs_show_the_same_badge(
+    held: Report,
+    unlike: tuple[str, ...],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    report, text = replace(held, unlike=unlike), f"pass{', but unlike' if unlike else ''} (pinned)"
+    assert report.trajectory is not None
+    page = save_page(report, report.trajectory, tmp_path / "report.html")
+    assert isinstance(page, Path) and f'<div class="badge">{text}</div>' in page.read_text()
+    assert report.contract()["badge"]["text"] == text and report.contract()["verdict"] == "pass"
+    shown = take_header(take_of(report.trajectory, OP3, report=report), Packer())["report"]
+    assert shown["badge"] == report.contract()["badge"] and shown["reasons"] == list(unlike)
+    with console.out.capture() as printed:
+        console.show_report(report)
+    assert f"verdict: {text}" in printed.get()
+
+
+def test_a_pinned_pass_of_a_robot_with_feet_names_how_to_test_balance(held: Report) -> None:
+    assert any("legs 'stand'" in note for note in held.figures["notes"])

@@ -1,0 +1,125 @@
+"""Likeness of motions whose differences from the human are known."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from shared_files import ROOT, SHARED, needs_shared
+
+import robot_retarget as rr
+from robot_retarget.graph.path import pelvis_path
+from robot_retarget.judge.thresholds import Thresholds
+from robot_retarget.judge.verdict import unlikeness
+from robot_retarget.scores.likeness import likeness_of
+from robot_retarget.scores.travel import human_travel
+
+
+@pytest.fixture(scope="module")
+def walk() -> rr.RobotGraph:
+    return rr.describe(rr.read_motion(ROOT / "samples/walk.bvh"), rr.load_robot("op3"))
+
+
+@pytest.fixture(scope="module")
+def turning_walk() -> rr.RobotGraph:
+    """A human who walks a little way, and turns round."""
+    return rr.describe(rr.read_motion(SHARED / "motions/bvh/mixamo/test_freebvh_walk.bvh"), rr.load_robot("op3"))
+
+
+def placed(graph: rr.RobotGraph, share: float) -> np.ndarray:
+    """(T, nq) a stiff robot that is pushed along a share of the human's path."""
+    qpos = np.tile(graph.robot.standing(), (len(graph), 1))
+    root = graph.robot.root_address
+    qpos[:, root : root + 2] = share * pelvis_path(graph.human, graph.match)[:, :2]
+    return qpos
+
+
+def turned(graph: rr.RobotGraph, share: float) -> np.ndarray:
+    """(T, nq) a stiff robot that turns by a share of the human's heading."""
+    heading = human_travel(graph.human).heading
+    qpos, root = placed(graph, 1.0), graph.robot.root_address + 3
+    spin = Rotation.from_euler("z", share * heading[:, None])
+    qpos[:, root : root + 4] = (spin * Rotation.from_quat(qpos[:, root : root + 4], scalar_first=True)).as_quat(
+        scalar_first=True
+    )
+    return qpos
+
+
+@pytest.mark.parametrize("share", [1.0, 0.5, 0.0, -1.0])
+def test_the_path_is_off_by_the_share_that_is_left_out(walk: rr.RobotGraph, share: float) -> None:
+    assert likeness_of(walk, placed(walk, share)).path_off == pytest.approx(abs(1 - share), abs=1e-9)
+
+
+@needs_shared
+@pytest.mark.parametrize("share", [1.0, 0.5, 0.0])
+def test_the_heading_is_off_by_the_share_of_the_turn_that_is_left_out(
+    turning_walk: rr.RobotGraph, share: float
+) -> None:
+    turn = human_travel(turning_walk.human).heading
+    found = likeness_of(turning_walk, turned(turning_walk, share))
+    assert found.heading_off == pytest.approx((1 - share) * np.quantile(np.abs(turn), 0.9), abs=0.01)
+
+
+def test_steps_of_a_walk_are_counted_on_both_bodies(walk: rr.RobotGraph) -> None:
+    human = human_travel(walk.human)
+    assert human.steps == 8  # as the clip was made
+    followed = rr.solve(walk, balance="off")
+    assert likeness_of(walk, followed.trajectory.qpos).steps_lost == pytest.approx(0.0, abs=0.13)  # one of eight
+
+
+@needs_shared
+def test_a_robot_that_stands_in_place_while_the_human_walks_and_turns_is_unlike(turning_walk: rr.RobotGraph) -> None:
+    stands = likeness_of(turning_walk, placed(turning_walk, 0.0), legs="instead")
+    sentences = unlikeness(stands.figures(), Thresholds())
+    assert "stands in place: the human moves 0.9 m and turns 184° in 2 steps" in sentences
+
+
+def test_frames_far_from_the_human_are_counted_and_noted_with_their_time(walk: rr.RobotGraph) -> None:
+    followed = np.array(rr.solve(walk, balance="off").trajectory.qpos)
+    near = likeness_of(walk, followed)
+    assert near.figures()["limbs_far_share"] == 0.0 and not any("limbs" in note for note in near.notes)
+    followed[20:29, walk.robot.qpos_index] = walk.robot.upper  # nine frames of another pose
+    far = likeness_of(walk, followed)
+    assert far.figures()["limbs_far_share"] == pytest.approx(9 / len(walk), abs=1e-4)
+    start, stop = 20 / walk.fps, 29 / walk.fps
+    assert f"In 9 of {len(walk)} frames, longest from {start:.1f} to {stop:.1f} s, the limbs" in far.notes[0]
+    assert any("over 25°" in sentence for sentence in unlikeness(far.figures(), Thresholds(limbs_far=0.01)))
+
+
+@pytest.mark.parametrize(("share", "limited"), [(0.9, False), (1.0, True)])
+def test_joints_at_their_speed_limit_are_noted(walk: rr.RobotGraph, share: float, limited: bool) -> None:
+    qpos, robot = placed(walk, 1.0), walk.robot
+    knee, turn = robot.joint_names.index("l_knee"), share * robot.max_speed / walk.fps
+    qpos[10:, robot.qpos_index[knee]] += turn[knee]
+    found = likeness_of(walk, qpos)
+    assert found.figures()["at_speed_limit_share"] == pytest.approx(limited / len(walk), abs=1e-4)
+    assert any("a joint is at its speed limit" in note for note in found.notes) == limited
+
+
+def test_feet_kept_in_place_by_choice_are_not_compared(walk: rr.RobotGraph) -> None:
+    figures = likeness_of(walk, placed(walk, 0.0), legs="stand").figures()
+    judged = ("path_off", "heading_off_rad", "steps_lost", "steps_shortened", "limb_rad_legs")
+    assert all(figures[name] is None for name in judged)
+    assert figures["human_steps"] == 8  # still reported
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"stride": 0.3}, "steps shorter than the human's, scaled, by: 70 %, more than 60 %"),
+        ({"unfinished": 0.4}, "frames that the solver did not finish: 40 %, more than 25 %"),
+        ({"slowdown": 3.0}, "it takes 3.0 times as long as the human"),
+    ],
+)
+def test_each_bound_has_a_sentence(walk: rr.RobotGraph, given: dict[str, Any], told: str) -> None:
+    found, near = (likeness_of(walk, placed(walk, 1.0), **options) for options in (given, {}))
+    stepping = replace(found, robot=replace(found.robot, steps=8))
+    assert told in unlikeness(stepping.figures(), Thresholds())
+    assert told not in unlikeness(near.figures(), Thresholds())
+
+
+def test_a_robot_that_takes_no_step_has_no_length_of_steps(walk: rr.RobotGraph) -> None:
+    figures = likeness_of(walk, placed(walk, 0.0)).figures()
+    assert figures["robot_steps"] == 0 and figures["human_steps"] == 8
+    assert figures["stride"] is None and figures["steps_shortened"] is None and figures["steps_lost"] == 1.0

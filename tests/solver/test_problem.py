@@ -1,0 +1,91 @@
+"""The quadratic model is what its docstring says: gradients by finite differences, edges by plain arithmetic."""
+
+import numpy as np
+import pytest
+from shared_files import SHARED, needs_shared
+
+from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.graph.describe import RobotGraph, describe
+from robot_retarget.human.read import read_motion
+from robot_retarget.robot import load_robot, world_points
+from robot_retarget.robot.kinematics import integrate
+from robot_retarget.solver.problem import EdgeTargets, Problem, build_problem, targets_of
+
+Case = tuple[RobotGraph, Problem]
+
+
+def made(name: str) -> Case:
+    """A wave with every kind of edge, those with an interval and those between frames of the user's too."""
+    graph = describe(read_motion(SAMPLES / "wave.bvh").frames(0, 40), load_robot(name))
+    graph = graph.with_edge("l_knee", "r_knee", (0.01, 0.02)).with_edge("r_ankle", np.array([0.1, 0.0, 0.2]), at=0.0)
+    return graph, build_problem(graph.robot, graph.match, graph.tracks)
+
+
+@pytest.fixture(scope="module")
+def case() -> Case:
+    return made("op3")
+
+
+def targets(graph: RobotGraph, frame: int) -> EdgeTargets:
+    """The targets of a frame with redrawn weights, so that no kind hides behind another."""
+    asked = targets_of(graph.tracks).at(frame)
+    return EdgeTargets(asked.lower, asked.upper, np.random.default_rng(frame).uniform(1, 9, len(asked.lower)))
+
+
+def somewhere(problem: Problem, seed: int) -> np.ndarray:
+    robot = problem.robot
+    return integrate(robot, robot.standing(), np.random.default_rng(seed).normal(scale=0.3, size=robot.model.nv))
+
+
+def check_gradient(case: Case, seed: int) -> None:
+    graph, problem = case
+    q, asked, step = somewhere(problem, seed), targets(graph, 7), 1e-6
+    gradient = problem.model(q, asked)[1]
+    for column, direction in enumerate(np.eye(problem.robot.model.nv)):
+        ahead, behind = (problem.cost(integrate(problem.robot, q, s * step * direction), asked) for s in (1, -1))
+        assert gradient[column] == pytest.approx((ahead - behind) / (4 * step), rel=1e-5, abs=1e-4)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_gradient_is_half_the_slope_of_the_cost(case: Case, seed: int) -> None:
+    check_gradient(case, seed)
+
+
+@needs_shared
+@pytest.mark.parametrize("name", ["toddlerbot_2xc", "unitree_h1", "berkeley_humanoid"])
+def test_so_it_is_on_other_robots(name: str) -> None:
+    robot = load_robot(SHARED / f"robots/{name}/{name}.xml")
+    graph = describe(read_motion(SAMPLES / "wave.bvh").frames(0, 8), robot)
+    check_gradient((graph, build_problem(robot, graph.match, graph.tracks)), 0)
+
+
+def test_normal_matrix_is_that_of_reweighted_least_squares(case: Case) -> None:
+    """J by central differences of what is measured, W = π/scale² · ϱ'(e)/2e; nothing within an open interval."""
+    graph, problem = case
+    q, every, step = somewhere(problem, 1), targets(graph, 3), 1e-6
+    edges = len(problem.values(q))
+    asked = EdgeTargets(every.lower[:edges], every.upper[:edges], every.priority[:edges])
+    jacobian = np.empty((len(asked.lower), problem.robot.model.nv))
+    for column, direction in enumerate(np.eye(problem.robot.model.nv)):
+        ahead, behind = (problem.values(integrate(problem.robot, q, s * step * direction)) for s in (1, -1))
+        jacobian[:, column] = (ahead - behind) / (2 * step)
+    scale = np.concatenate([track.scale for track in graph.costs])
+    huber_delta = np.concatenate([np.full(len(track), track.huber_delta) for track in graph.costs])
+    d = problem.values(q)
+    error = (d - np.clip(d, asked.lower, asked.upper)) / scale
+    inside = (asked.lower < d) & (d < asked.upper)
+    weight = asked.priority / scale**2 / np.sqrt(1 + (error / huber_delta) ** 2) * ~inside
+    cost, _, normal = problem.model(q, asked)
+    assert cost == pytest.approx(problem.cost(q, asked), rel=1e-12)
+    assert np.allclose(normal, jacobian.T @ (weight[:, None] * jacobian), rtol=1e-6, atol=1e-6 * np.abs(normal).max())
+    assert (normal == normal.T).all() and np.linalg.eigvalsh(normal).min() > -1e-12 * np.abs(normal).max()
+
+
+def test_floor_heights_are_those_of_the_sole_points(case: Case) -> None:
+    graph, problem = case
+    q = somewhere(problem, 4)
+    soles = [world_points(problem.robot, sole, q[None])[0, :, 2] for sole in graph.match.anatomy.soles.values()]
+    assert np.allclose(
+        -problem.inequalities.rows(q, targets_of(graph.tracks).at(0))[1], np.concatenate(soles), atol=1e-12
+    )
+    assert len(problem.inequalities) == len(np.concatenate(soles))

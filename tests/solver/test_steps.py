@@ -1,0 +1,54 @@
+"""Steps within reach: reachable footholds stay, others come nearer, and root and swing feet follow."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robot_retarget.solver.balance.footstep_limits import REACH, reachable_footholds, total_step_length
+
+LEG = 0.25
+SOLE = np.array([[0.06, 0.04, 0.0], [0.06, -0.04, 0.0], [-0.06, 0.04, 0.0], [-0.06, -0.04, 0.0]])
+OWN = SOLE + np.array([[[0.0, 0.05, 0.0]], [[0.0, -0.05, 0.0]]])
+SWINGS = ((0, 10, 20, 0.5), (1, 30, 40, 1.0), (0, 50, 60, 1.0), (1, 70, 80, 1.0), (0, 90, 100, 0.5))
+"""Foot, from, to, length over the step's."""
+
+
+def walk(step: float, turn: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Which feet stand, and soles that walk straight ahead into a direction by so long steps [m]."""
+    planted, ahead = np.ones((110, 2), bool), np.zeros((110, 2))
+    for foot, start, stop, share in SWINGS:
+        planted[start:stop, foot] = False
+        ahead[:, foot] += share * step * np.clip((np.arange(110) - start + 1) / (stop - start + 1), 0, 1)
+    corners = np.tile(OWN, (110, 1, 1, 1))
+    corners[..., 0] += ahead[:, :, None]
+    spin = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    corners[..., :2] = corners[..., :2] @ spin.T
+    return planted, corners
+
+
+def test_steps_within_reach_stay_as_they_are() -> None:
+    planted, corners = walk(2 * 0.99 * REACH * LEG)
+    assert reachable_footholds(planted, corners, OWN, LEG) == pytest.approx(corners, abs=1e-12)
+
+
+@given(st.floats(1.1, 6.0), st.floats(-np.pi, np.pi))
+@settings(max_examples=30, deadline=None)
+def test_steps_out_of_reach_become_as_long_as_legs_reach_whichever_way_they_go(longer: float, turn: float) -> None:
+    planted, corners = walk(2 * longer * REACH * LEG, turn)
+    placed = reachable_footholds(planted, corners, OWN, LEG)
+    for foot, start, stop, share in SWINGS:
+        way = np.linalg.norm((placed[stop, foot] - placed[start - 1, foot]).mean(axis=0))
+        assert way == pytest.approx(2 * share * REACH * LEG, rel=1e-6)
+        assert np.ptp(placed[stop : stop + 10, foot], axis=0).max() < 1e-9
+    shape = placed - placed.mean(axis=2, keepdims=True)
+    assert shape == pytest.approx(corners - corners.mean(axis=2, keepdims=True), abs=1e-9)
+    assert total_step_length(planted, placed) / total_step_length(planted, corners) == pytest.approx(1 / longer)
+
+
+def test_a_foot_in_the_air_is_no_farther_from_its_place_beside_the_other_than_one_that_stands() -> None:
+    planted, corners = walk(0.0)
+    corners[12:18, 0, :, 0] += 3 * REACH * LEG
+    placed = reachable_footholds(planted, corners, OWN, LEG)
+    assert (placed[12:18, 0] - OWN[0])[..., 0] == pytest.approx(REACH * LEG)
+    assert placed[20:] == pytest.approx(corners[20:], abs=1e-12)

@@ -1,0 +1,31 @@
+"""Threads share the frames of a clip: the result is that of one thread, bit by bit."""
+
+import numpy as np
+import pytest
+
+from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.graph.describe import describe
+from robot_retarget.human.read import read_motion
+from robot_retarget.robot import load_robot
+from robot_retarget.robot.threads import LEAST, in_parts
+from robot_retarget.solver.options import SolveOptions
+from robot_retarget.solver.pipeline import solve
+
+
+@pytest.mark.parametrize("threads", [2, 3])
+def test_threads_change_no_bit_of_a_clip(threads: int) -> None:
+    graph = describe(read_motion(SAMPLES / "wave.bvh").frames(0, 80), load_robot("op3")).unbalanced()
+    alone, shared = (solve(graph, options=SolveOptions(threads=n)).trajectory.qpos for n in (1, threads))
+    assert np.array_equal(alone, shared)
+
+
+@pytest.mark.parametrize(("count", "threads"), [(0, 2), (1, 2), (LEAST, 3), (5 * LEAST, 2), (5 * LEAST + 1, 4)])
+def test_parts_cover_every_row_once_in_order(count: int, threads: int) -> None:
+    rows = in_parts(lambda _, part: list(range(count)[part]), count, threads)
+    assert [row for part in rows for row in part] == list(range(count))
+    assert len(rows) <= threads
+
+
+def test_no_two_parts_share_a_number() -> None:
+    numbers = in_parts(lambda number, _: number, 100 * LEAST, 4)
+    assert numbers == [0, 1, 2, 3]

@@ -1,0 +1,98 @@
+"""A long clip in windows: every frame once, bounded, and no seam where they join."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.graph.footholds import foothold_corners
+from robot_retarget.human.read import read_motion
+from robot_retarget.robot import load_robot, world_points
+from robot_retarget.robot.feet import sole_corners
+from robot_retarget.solver.options import Smoothing
+from robot_retarget.solver.pipeline import retarget
+from robot_retarget.solver.result import Result
+from robot_retarget.solver.smooth import smooth_offsets
+from robot_retarget.solver.windows import Windows
+
+SHORT = Windows(3.0)
+seconds = st.floats(0.1, 5.0)
+
+
+@given(st.integers(1, 2000), st.floats(1.0, 240.0), seconds, seconds, seconds)
+def test_windows_keep_every_frame_once_and_fix_only_what_was_kept(
+    frames: int, fps: float, more: float, kept: float, foreseen: float
+) -> None:
+    windows = list(Windows(kept + foreseen + more, kept, foreseen).cut(frames, fps))
+    done = 0
+    for window in windows:
+        assert window.first + window.fixed == done <= window.final <= window.last <= frames
+        done = window.final
+    assert done == frames
+    around = max(1, round(kept * fps)) + max(1, round(foreseen * fps))
+    longest = max(round((kept + foreseen + more) * fps), around + 1) + around
+    assert max(w.last - w.first for w in windows) <= longest
+
+
+def test_a_clip_little_longer_than_a_window_stays_whole() -> None:
+    assert len(list(Windows(20.0, 1.0, 1.0).cut(660, 30.0))) == 1
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(5, 12), st.integers(1, 3), st.floats(0.01, 1e3), st.integers(0, 10**6))
+def test_fixed_frames_stay_while_the_rest_solves_the_dense_least_squares(
+    frames: int, fixed: int, stiffness: float, seed: int
+) -> None:
+    path = np.random.default_rng(seed).normal(size=(frames, 2))
+    bend = np.sqrt(stiffness) * np.diff(np.eye(frames), 2, axis=0)
+    free = np.vstack([np.eye(frames), bend])[:, fixed:]
+    wanted = np.linalg.lstsq(free, np.vstack([np.zeros_like(path), -bend @ path]), rcond=None)[0]
+    offsets = smooth_offsets(np.diff(path, axis=0), stiffness, fixed)
+    assert (offsets[:fixed] == 0).all() and np.allclose(offsets[fixed:], wanted, atol=1e-8)
+
+
+def test_a_stance_that_began_in_the_window_before_stays_where_it_was() -> None:
+    corners = np.tile(np.array([[0.1, 0.05, 0], [0.1, -0.05, 0], [-0.1, 0.05, 0], [-0.1, -0.05, 0]]), (6, 1, 1))
+    corners[2:, ..., 0] += 0.3  # the coarse path wanders off
+    assert np.allclose(foothold_corners(np.ones((6, 4), dtype=bool), corners, fixed=2), corners[0])
+
+
+@pytest.fixture(scope="module")
+def walk() -> tuple[Result, Result]:
+    motion, robot = read_motion(SAMPLES / "walk.bvh").resample(20), load_robot("op3")
+    whole, cut = Smoothing(), replace(Smoothing(), windows=SHORT)
+    return retarget(motion, robot, smoothing=whole, balance="off"), retarget(
+        motion, robot, smoothing=cut, balance="off"
+    )
+
+
+def test_a_walk_in_windows_is_hardly_rougher_around_their_joins_than_in_one(walk: tuple[Result, Result]) -> None:
+    whole, cut = (
+        np.abs(np.diff(result.trajectory.qpos[:, load_robot("op3").qpos_index], 2, axis=0)).max(axis=1)
+        for result in walk
+    )
+    joins = [w.first + w.fixed for w in list(SHORT.cut(len(cut) + 2, 20.0))[1:]]
+    assert len(joins) >= 2
+    assert max(cut[t - 3 : t + 3].max() for t in joins) < 1.05 * whole.max()
+
+
+def test_a_foot_that_stands_across_a_join_does_not_move(walk: tuple[Result, Result]) -> None:
+    result, robot = walk[1], load_robot("op3")
+    held, met = result.graph.human.contacts, 0
+    for join in [w.first + w.fixed for w in list(SHORT.cut(len(result.trajectory), 20.0))[1:]]:
+        for foot in "lr":
+            if held[foot][join - 1 : join + 1].all():
+                place = world_points(
+                    robot, sole_corners(result.match.anatomy, foot), result.trajectory.qpos[join - 1 : join + 1]
+                )
+                assert np.linalg.norm(place[1] - place[0], axis=1).max() < 1e-3
+                met += 1
+    assert met > 0
+
+
+def test_windows_follow_the_motion_as_well_as_the_whole(walk: tuple[Result, Result]) -> None:
+    whole, cut = (float(result.solution.posture_error.mean()) for result in walk)
+    assert cut < 1.05 * whole

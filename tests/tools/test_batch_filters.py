@@ -1,0 +1,122 @@
+"""Filters, near-duplicates, summaries and packed files."""
+
+import csv
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_batches import cut_clips, job_of, rows_of, run
+
+import robot_retarget as rr
+from robot_retarget.base.errors import UsageError
+from robot_retarget.base.untrusted.pickles import load_pickle
+from robot_retarget.scores.table import FIGURES
+from robot_retarget.tools.batch.duplicates import near_duplicates
+from robot_retarget.tools.batch.filters import choose, read_filters
+from robot_retarget.tools.batch.pack import pack_all
+from robot_retarget.tools.batch.report import write_reports
+from robot_retarget.tools.batch.task import Row
+
+
+def row(clip: str, **figures: float) -> Row:
+    return Row("op3", clip, "x", "done", frames=30, fps=30.0, figures=figures)
+
+
+def test_a_rejected_clip_has_a_reason_for_every_bound_it_misses() -> None:
+    one = read_filters()["in_place"]
+    rows = [row("still", flight_pct=0, travel_m=0.1, feet_travel_m=0.0), row("walk", flight_pct=3.0, travel_m=2.0)]
+    chosen = choose([*rows, replace(rows[0], clip="bad", state="failed", message="broken")], one)
+    assert [r.clip for r in chosen.passed] == ["still"]
+    reasons = {r.clip: why for r, why in chosen.rejected}
+    assert reasons["walk"] == ("flight_pct 3 % is above 2 (a jump)", "travel_m 2 m is above 0.3")
+    assert reasons["bad"] == ("failed: broken",)
+
+
+def test_the_shipped_filters_name_known_figures() -> None:
+    filters = read_filters()
+    assert {"feasible", "in_place", "no_flight", "upper_body", "trackable", "phuma", "pbhc"} == set(filters)
+    assert all(
+        bound.figure in FIGURES and bound.least <= bound.most for one in filters.values() for bound in one.bounds
+    )
+
+
+TRACKABLE = {"duration_s": 4.0, "moves_deg": 60.0, "held_pct": 0.0}
+
+
+@pytest.mark.parametrize(
+    ("figures", "cause"),
+    [
+        ({}, ""),
+        ({"duration_s": 0.033}, "too few frames"),
+        ({"moves_deg": 0.2}, "T-pose"),
+        ({"held_pct": 70.0}, "a seat"),
+    ],
+)
+def test_stills_snippets_and_seats_are_not_trackable_and_the_cause_is_named(
+    figures: dict[str, float], cause: str
+) -> None:
+    reasons = read_filters()["trackable"].reasons(row("clip", **TRACKABLE | figures))
+    assert [cause in reason for reason in reasons] == ([True] if cause else [])
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("[a]\nnothing = 1\n", "names the figure 'nothing'; known: limb_deg_mean"),
+        ("[a]\nspeed_p99 = 'fast'\n", r"must be a number or \[least, most\]"),
+        ("[a]\ninclude = ['b']\n", r"no filter \[b\]"),
+        ("[a]\ninclude = ['a']\n", "includes itself"),
+        ("[a", "not TOML"),
+    ],
+)
+def test_a_broken_filter_file_is_refused(text: str, expected: str, tmp_path: Path) -> None:
+    (tmp_path / "f.toml").write_text(text)
+    with pytest.raises(UsageError, match=expected):
+        read_filters(tmp_path / "f.toml")
+
+
+def test_near_duplicates_are_clips_of_like_motion_and_length() -> None:
+    rng = np.random.default_rng(1)
+    rows = [replace(row(str(k)), signature=tuple(rng.normal(0, 0.3, 40))) for k in range(50)]
+    twin = replace(rows[7], clip="twin", signature=tuple(np.add(rows[7].signature, 0.004)))
+    longer = replace(rows[8], clip="longer", frames=60)
+    assert near_duplicates([*rows, twin, longer]) == [("op3", "7", "twin")]
+
+
+def test_reports_and_packed_files_hold_every_clip(tmp_path: Path) -> None:
+    job = job_of(cut_clips(tmp_path / "clips"), tmp_path / "out")
+    run(job)
+    rows = rows_of(job.out)
+    write_reports(rows, list(read_filters().values()), job, extremes=1)
+    with (job.out / "summary.csv").open() as file:
+        table = list(csv.DictReader(file))
+    assert [line["clip"] for line in table] == ["clap", "walk", "wave"]
+    assert float(table[0]["limb_deg_mean"]) == rows[0].figures["limb_deg_mean"]
+    page = (job.out / "summary.html").read_text()
+    assert (
+        "wave" in page
+        and "<svg" in page
+        and "extremes/op3-" in page
+        and "://" not in page.replace("http://www.w3.org", "")
+    )
+    passed = (job.out / "lists/feasible.txt").read_text().split()
+    rejected = (job.out / "lists/feasible_rejected.csv").read_text().splitlines()[1:]
+    assert len(passed) + len(rejected) == 3
+    pack_all(rows, job, "locomujoco")
+    with np.load(job.out / "packed/op3-locomujoco.npz") as packed:
+        ends = packed["split_points"]
+        assert ends.tolist() == np.cumsum([0, *(row.frames for row in rows)]).tolist()
+        walk = rr.load_trajectory(job.out / "op3/walk.npz").qpos
+        np.testing.assert_allclose(packed["qpos"][ends[1] : ends[2]], walk, atol=1e-9)
+    pack_all(rows, job, "phc")
+    assert list(load_pickle(job.out / "packed/op3-phc.pkl")) == ["clap", "walk", "wave"]
+
+
+def test_parquet_holds_the_same_table(tmp_path: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet", reason="needs pyarrow")
+    from robot_retarget.tools.batch.summary import save_parquet
+
+    save_parquet([row("a", speed_p99=1.5), row("b")], tmp_path / "t.parquet")
+    table = parquet.read_table(tmp_path / "t.parquet").to_pydict()
+    assert table["clip"] == ["a", "b"] and table["speed_p99"] == [1.5, None]

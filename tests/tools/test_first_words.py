@@ -1,0 +1,141 @@
+"""What a newcomer meets first: guidance, defaults, wrong files, names mistyped, one spelling of outputs, the doctor."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import typer
+from forked import run
+from made_trajectories import wander
+from shared_files import ROOT
+
+from robot_retarget.base.errors import UsageError, known
+from robot_retarget.base.rendering import unusable
+from robot_retarget.human.span import span_of
+from robot_retarget.robot import load_robot
+from robot_retarget.tools.cli import app
+from robot_retarget.tools.cli.kinds import kind_of
+from robot_retarget.tools.doctor import examine, ports
+
+WAVE = ROOT / "samples/wave.bvh"
+
+
+def test_the_command_alone_says_what_to_do_next() -> None:
+    done = run()
+    assert done.returncode == 0 and not done.stderr
+    assert "robot-retarget run CLIP.bvh" in done.stdout and "robot-retarget doctor" in done.stdout
+
+
+def test_without_a_robot_the_op3_is_used_and_named(tmp_path: Path) -> None:
+    done = run("solve", WAVE, "--frames", "0s:0.2s", "--balance", "off", "--out", tmp_path / "w.npz")
+    assert done.returncode == 0 and "no --robot given: op3 is used" in done.stderr
+    assert (tmp_path / "w.npz").is_file()
+
+
+@pytest.mark.parametrize(
+    ("text", "span"),
+    [
+        ("3:9", (3, 9)),
+        ("1s:3s", (30, 90)),
+        ("0.5s:", (15, 100)),
+        (":2s", (0, 60)),
+        ("7", (7, 8)),
+        ("10:1s", (10, 30)),
+    ],
+)
+def test_frames_are_given_by_number_or_time(text: str, span: tuple[int, int]) -> None:
+    assert span_of(text, 100, 30.0) == span
+
+
+@pytest.mark.parametrize("text", ["a:b", "1s:3q", "nans:", "infs:", "1:2:3", "s"])
+def test_other_frames_are_refused(text: str) -> None:
+    with pytest.raises(UsageError, match="--frames takes START:STOP"):
+        span_of(text, 100, 30.0)
+
+
+def test_a_wrong_kind_of_file_says_which_command_takes_it(tmp_path: Path) -> None:
+    trajectory = wander(load_robot("op3")).save(tmp_path / "t.npz")
+    for words, message in (
+        (("run", trajectory), "a trajectory, not a motion; robot-retarget view, simulate, export and play take it"),
+        (("simulate", WAVE, "-r", "op3"), f"a motion, not a trajectory; robot-retarget run {WAVE} makes"),
+        (
+            ("solve", ROOT / "models/op3/op3.xml", "-o", tmp_path / "x.npz"),
+            "a robot, not a motion; robot-retarget info",
+        ),
+        (("graph", ROOT / "models/op3/limits.toml"), "settings, not a motion"),
+        (("run", "-"), "is read from a file, not from stdin"),
+    ):
+        done = run(*words)
+        assert done.returncode == 2 and message in done.stderr, done.stderr
+
+
+def test_an_archive_of_positions_may_be_a_motion(tmp_path: Path) -> None:
+    (tmp_path / "a.npz").write_bytes(b"PK")
+    assert kind_of(tmp_path / "a.npz") == "" and kind_of(tmp_path / "absent.npz") == ""
+
+
+@pytest.mark.parametrize("words", [("info", "-r", "opp3"), ("solv", WAVE), ("run", WAVE, "--robott", "op3")])
+def test_a_mistyped_name_gets_the_nearest_one(words: tuple[object, ...]) -> None:
+    done = run(*words)
+    assert done.returncode == 2 and any(said in done.stderr.lower() for said in ("did you mean", "possible options"))
+
+
+def test_only_a_near_name_is_suggested() -> None:
+    assert known(["posture", "touch"], typed="Posture") == "did you mean 'posture'? known: posture, touch"
+    assert known(["posture", "touch"], typed="xyz") == "known: posture, touch"
+
+
+def test_every_output_is_spelt_alike() -> None:
+    group = typer.main.get_command(app)
+    commands = {**group.commands, **group.commands["servos"].commands}  # type: ignore[attr-defined]
+    spelt = {}
+    for name, command in commands.items():
+        for option in command.params:
+            if {"-o", "--out", "--output"} & set(option.opts):
+                spelt[name] = set(option.opts)
+    assert {"run", "demo", "solve", "cut", "export", "import", "calibrate"} <= spelt.keys()
+    assert {name for name, opts in spelt.items() if not {"-o", "--out", "--output"} <= opts} == set()
+
+
+def test_the_doctor_examines_each_part_and_cures_what_is_missing() -> None:
+    done = run("doctor", "--json")
+    found = {finding["part"]: finding for finding in json.loads(done.stdout)}
+    assert {"Python", "MuJoCo", "OpenGL", "C compiler", "ffmpeg"} <= found.keys()
+    assert done.returncode == any(f["state"] == "missing" for f in found.values())
+    bare = {f.part: f for f in examine() if f.state != "ok"}
+    assert all(f.cure or f.part == "serial port" for f in bare.values())
+
+
+def test_the_doctor_finds_a_port_without_rights_and_a_slow_adapter(tmp_path: Path) -> None:
+    timer = tmp_path / "sys/bus/usb-serial/devices/ttyUSB0/latency_timer"
+    for path, text in ((tmp_path / "dev/ttyUSB0", ""), (timer, "16\n")):
+        path.parent.mkdir(parents=True)
+        path.write_text(text)
+    found = {f.part: f for f in ports(tmp_path)}
+    assert found["port ttyUSB0"].state == "ok"
+    assert found["latency of ttyUSB0"].state == "missing" and "echo 1 | sudo tee" in found["latency of ttyUSB0"].cure
+    timer.write_text("1\n")
+    assert {f.state for f in ports(tmp_path)} == {"ok"}
+
+
+@pytest.mark.parametrize(
+    ("asked", "system", "usable"),
+    [("", "Linux", True), ("off", "Linux", True), ("glfw", "Darwin", True), ("cgl", "Darwin", True),
+     ("rubbish", "Linux", False), ("wgl", "Linux", False), ("egl", "Darwin", False)],
+)  # fmt: skip
+def test_ways_to_render_are_known_by_system(asked: str, system: str, usable: bool) -> None:
+    assert (unusable(asked, system) == "") == usable
+
+
+def test_a_way_to_render_without_its_library_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ctypes.util.find_library", lambda name: None)
+    assert unusable("osmesa", "Linux") == "the library libOSMesa is not installed"
+
+
+def test_a_wrong_way_to_render_is_ignored_with_a_note() -> None:
+    command = [sys.executable, "-m", "robot_retarget", "info", "op3", "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, env=os.environ | {"MUJOCO_GL": "rubbish"})
+    assert done.returncode == 0 and "note: MUJOCO_GL=rubbish is ignored" in done.stderr

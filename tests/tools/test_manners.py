@@ -1,0 +1,85 @@
+"""Small courtesies: names in any case, notes on what is replaced or does not fit, comments that stay, verdicts before figures."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made_trajectories import hold
+from shared_files import ROOT
+from typer.testing import CliRunner
+
+import robot_retarget as rr
+from robot_retarget.actuators.map import load_map, with_zeros
+from robot_retarget.robot import load_robot
+from robot_retarget.servo.outcome import PlaybackOptions
+from robot_retarget.servo.plan import plain_plan
+from robot_retarget.servo.play import play
+from robot_retarget.tools.cli import app, console
+from robot_retarget.tools.cli.ending import filling
+
+OP3 = load_robot("op3")
+MAP = ROOT / "models/op3/servos.toml"
+
+
+def test_a_shipped_name_is_known_in_any_case() -> None:
+    assert load_robot("OP3").name == "op3" and load_map("Op3") == load_map("op3")
+
+
+def test_a_refused_playback_leaves_the_log_of_the_one_before(tmp_path: Path) -> None:
+    log = tmp_path / "play.npz"
+    log.write_bytes(b"of the playback before")
+    with pytest.raises(rr.RobotRetargetError):
+        play(plain_plan(hold(OP3, 0.1), load_map("op3")), load_map("op3"), tmp_path / "no port", PlaybackOptions(), log)
+    assert log.read_bytes() == b"of the playback before"
+
+
+def test_replaced_results_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for text in ("first", "second"):
+        with filling(tmp_path / "out") as filled:
+            (filled.path / "report.json").write_text(text)
+        told = capsys.readouterr().err
+        assert ("replaced the results of an earlier run" in told and "report.json" in told) == (text == "second")
+
+
+@pytest.mark.parametrize(("source", "noted"), [("wave.bvh", True), ("clap.bvh", False)])
+def test_scoring_against_another_motion_is_noted(source: str, noted: bool, tmp_path: Path) -> None:
+    clip = ROOT / "samples/clap.bvh"
+    replace(hold(OP3, 0.2), source=source).save(tmp_path / "moves.npz")
+    words = ["score", tmp_path / "moves.npz", "--robot", "op3", "--motion", clip]
+    done = CliRunner().invoke(app, list(map(str, words)), catch_exceptions=False)
+    assert done.exit_code == 0 and ("their names differ" in done.stderr) == noted
+
+
+def test_new_zeros_leave_every_other_line_of_a_map(tmp_path: Path) -> None:
+    path = tmp_path / "own.toml"
+    shutil.copy(MAP, path)
+    before = load_map(path)
+    moved = replace(before, servos=(replace(before.servos[0], zero=2051), *before.servos[1:]))
+    text = with_zeros(path, moved)
+    added = set(text.splitlines()) - set(path.read_text().splitlines())
+    assert len(added) == 1 and "2051" in added.pop()
+    assert [line for line in text.splitlines() if "#" in line] == [
+        line for line in path.read_text().splitlines() if "#" in line
+    ]
+    path.write_text(text)
+    assert load_map(path) == moved
+
+
+def test_a_verdict_comes_before_figures_and_kept_limits_are_only_counted(capsys: pytest.CaptureFixture[str]) -> None:
+    shaken = hold(OP3, 1.0)
+    qpos = np.array(shaken.qpos)
+    qpos[:, OP3.qpos_index[0]] += 0.3 * (np.arange(len(qpos)) % 2)
+    console.show_report(rr.simulate(replace(shaken, qpos=qpos), OP3, others=False))
+    told = capsys.readouterr().out.splitlines()
+    order = [
+        next(k for k, line in enumerate(told) if word in line)
+        for word in ("verdict:", "Exceeded", "limits kept", "Figures")
+    ]
+    assert order == sorted(order)
+    assert sum("at most" in line for line in told) == 1
+
+
+def test_the_shell_can_complete_commands() -> None:
+    assert "--install-completion" in CliRunner().invoke(app, ["--help"]).stdout
