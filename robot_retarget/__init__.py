@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from robot_retarget.base.errors import RobotRetargetError as RobotRetargetError
-    from robot_retarget.edit.build import sequence as sequence
-    from robot_retarget.edit.build import splice as splice
+    from robot_retarget.edit.sequence import sequence as sequence
+    from robot_retarget.edit.sequence import splice as splice
     from robot_retarget.formats import export as export
     from robot_retarget.formats import load_trajectory as load_trajectory
     from robot_retarget.graph.describe import RobotGraph as RobotGraph
@@ -76,8 +76,8 @@ _HOME = {
     "read_scene": "scene",
     "Score": "scores.score",
     "score": "scores.score",
-    "sequence": "edit.build",
-    "splice": "edit.build",
+    "sequence": "edit.sequence",
+    "splice": "edit.sequence",
     "Report": "judge.report",
     "simulate": "judge.rollout",
     "Trajectory": "trajectory",

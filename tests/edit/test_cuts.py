@@ -8,7 +8,7 @@ from made_trajectories import wander
 
 from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.base.keypoints import mirrored as other_side
-from robot_retarget.edit import mirrored, trimmed
+from robot_retarget.edit.cuts import mirrored, trimmed
 from robot_retarget.robot import load_robot, recognise, world_points
 from robot_retarget.robot.kinematics import difference
 

@@ -10,8 +10,8 @@ from typer.testing import CliRunner
 
 import robot_retarget as rr
 from robot_retarget.base.errors import TrajectoryError, UsageError
-from robot_retarget.edit.compose import joined, retimed, spliced
 from robot_retarget.edit.seam import Seam, found_seam
+from robot_retarget.edit.sequence import joined, retimed, spliced
 from robot_retarget.human.robot_performer import performed
 from robot_retarget.robot import recognise, world_points
 from robot_retarget.tools.cli import app

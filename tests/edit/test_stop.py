@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 import robot_retarget as rr
 from robot_retarget.base.errors import TrajectoryError
-from robot_retarget.edit.stop import REST, coming_to_rest, placed_by_foot, ways_into_stand
+from robot_retarget.edit.cuts import REST, coming_to_rest, placed_by_foot, ways_into_stand
 from robot_retarget.robot import recognise, world_points
 
 OP3 = rr.load_robot("op3")

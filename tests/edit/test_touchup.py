@@ -10,8 +10,7 @@ from shared_files import ROOT
 
 import robot_retarget as rr
 from robot_retarget.base.errors import GraphError, UsageError
-from robot_retarget.edit.session import Session, graph_of
-from robot_retarget.edit.touchup import AROUND, apply_edit
+from robot_retarget.edit.touchup import AROUND, Session, apply_edit, graph_of
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.edits import Edit
 from robot_retarget.robot import load_robot, world_points

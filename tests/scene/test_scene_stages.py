@@ -9,9 +9,8 @@ from shared_files import ROOT
 
 import robot_retarget as rr
 from robot_retarget.collision.warn import warnings_of
-from robot_retarget.edit import mirrored, trimmed
-from robot_retarget.edit.session import graph_of
-from robot_retarget.edit.touchup import apply_edit
+from robot_retarget.edit.cuts import mirrored, trimmed
+from robot_retarget.edit.touchup import apply_edit, graph_of
 from robot_retarget.graph.edits import Edit
 from robot_retarget.graph.placed_scene import captured_scene, placed_scene
 from robot_retarget.human.robot_performer import performed

@@ -23,14 +23,18 @@ from robot_retarget.robot.dynamics import joint_torques, tread
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.separation import Separation
 from robot_retarget.robot.support import support
-from robot_retarget.solver.balance.balanced_ik import BalancedIk
-from robot_retarget.solver.balance.foot_spacing import gaps, spread
-from robot_retarget.solver.balance.playback_plan import LIFT, SLOWEST_LIFT, PlaybackClip, timeline_of
-from robot_retarget.solver.balance.stand import balanced_stand, stand_places
-from robot_retarget.solver.balance.support import planted_feet, without_small_swings
-from robot_retarget.solver.balance.swing import foothold_places
-from robot_retarget.solver.balance.timeline import Pacing, Timeline, least_durations, motion_needs, stretched
-from robot_retarget.solver.balance.zmp import Steadiness, plan_centre
+from robot_retarget.solver.balance.balanced_ik import BalancedIk, balanced_stand, stand_places
+from robot_retarget.solver.balance.footsteps import foothold_places, gaps, planted_feet, spread, without_small_swings
+from robot_retarget.solver.balance.plan import (
+    LIFT,
+    SLOWEST_LIFT,
+    PlaybackClip,
+    Steadiness,
+    Timeline,
+    plan_centre,
+    timeline_of,
+)
+from robot_retarget.solver.balance.playback import Pacing, least_durations, motion_needs, stretched
 from robot_retarget.solver.result import Result
 
 LEVER = 0.25 / 9.81

@@ -21,7 +21,7 @@ from robot_retarget.robot.support import planes_through
 from robot_retarget.scene.ground import SolidGround
 from robot_retarget.scene.scene import RigidBody, Scene
 from robot_retarget.scene.shape import ShapeKind, solid
-from robot_retarget.solver.balance.swing import foothold_places
+from robot_retarget.solver.balance.footsteps import foothold_places
 
 OP3 = rr.load_robot("op3")
 SCENES = ROOT / "samples/scenes"

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot_retarget.solver.balance.footstep_limits import REACH, reachable_footholds, total_step_length
+from robot_retarget.solver.balance.footsteps import REACH, reachable_footholds, total_step_length
 
 LEG = 0.25
 SOLE = np.array([[0.06, 0.04, 0.0], [0.06, -0.04, 0.0], [-0.06, 0.04, 0.0], [-0.06, -0.04, 0.0]])

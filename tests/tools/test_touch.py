@@ -11,7 +11,7 @@ from browser import Tab, needs_browser, tab
 from forked import run
 from shared_files import ROOT
 
-from robot_retarget.edit.session import Session, graph_of
+from robot_retarget.edit.touchup import Session, graph_of
 from robot_retarget.human.read import read_motion
 from robot_retarget.judge.rollout import simulate
 from robot_retarget.robot import load_robot

@@ -19,14 +19,17 @@ from robot_retarget.human.resample import at_frames
 from robot_retarget.robot import Robot
 from robot_retarget.scene.ground import SolidGround
 from robot_retarget.scores.likeness import likeness_of
-from robot_retarget.solver.balance.balanced_ik import BalancedIk
-from robot_retarget.solver.balance.foot_spacing import spread
-from robot_retarget.solver.balance.footstep_limits import reachable_footholds, total_step_length
+from robot_retarget.solver.balance.balanced_ik import BalancedIk, balanced_stand, in_place, posed_in_place, stand_places
+from robot_retarget.solver.balance.footsteps import (
+    StepRule,
+    planted_feet,
+    reachable_footholds,
+    spread,
+    total_step_length,
+    without_small_swings,
+)
+from robot_retarget.solver.balance.plan import PlaybackClip, Steadiness
 from robot_retarget.solver.balance.playback import Balanced, expected_steps, paced
-from robot_retarget.solver.balance.playback_plan import PlaybackClip
-from robot_retarget.solver.balance.stand import balanced_stand, in_place, posed_in_place, stand_places
-from robot_retarget.solver.balance.support import StepRule, planted_feet, without_small_swings
-from robot_retarget.solver.balance.zmp import Steadiness
 from robot_retarget.solver.solution import Solution
 from robot_retarget.solver.solve import solution_of
 

@@ -34,8 +34,7 @@ class MendOptions(ForceOptions, MapOptions, ReadOptions, OutputOptions, Trajecto
 def mend(edited: MendOptions, robot: RobotOptions, frozen: FreezeOptions, printing: PrintOptions) -> None:
     """Solve the frames around each edit again, as `view` does. Exit code 1 if a hard edge of the file is not met."""
     from robot_retarget.base.files import require_writable
-    from robot_retarget.edit.session import graph_of
-    from robot_retarget.edit.touchup import apply_edits
+    from robot_retarget.edit.touchup import apply_edits, graph_of
     from robot_retarget.formats import load_trajectory
     from robot_retarget.graph.edits import read_edits
     from robot_retarget.solver.solution import unmet_of_user

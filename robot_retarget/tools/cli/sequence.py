@@ -42,7 +42,7 @@ class SequenceOptions(SolvedOptions, BalancedOptions, RobotOptions):
         **how: Any,
     ) -> None:
         """Read trajectories, solve them as one and write it."""
-        from robot_retarget.edit.build import sequence
+        from robot_retarget.edit.sequence import sequence
         from robot_retarget.formats import load_trajectory
 
         self.require_writable()
@@ -121,7 +121,7 @@ def splice(
     printing: PrintOptions,
 ) -> None:
     """Solve the legs of one trajectory with the arms of another."""
-    from robot_retarget.edit.build import splice as spliced
+    from robot_retarget.edit.sequence import splice as spliced
 
     to.make([legs, arms], printing, lambda clips, **how: spliced(clips[0], clips[1], **how))
 
@@ -140,7 +140,7 @@ def stops(
     They replace the folder stops/ next to the trajectory. Exit code 1 if none passes.
     """
     from robot_retarget.base.files import replacing_folder
-    from robot_retarget.edit.stop import ways_into_stand
+    from robot_retarget.edit.cuts import ways_into_stand
     from robot_retarget.servo.ways import FOLDER
     from robot_retarget.trajectory import load_trajectory
 
@@ -174,7 +174,7 @@ def _saved(outcome: "Report | BalanceError", time: float, folder: Path) -> dict[
 @command(commands, epilog="Example: robot-retarget mirror wave.npz --robot op3 -o left.npz")
 def mirror(source: TrajectoryOptions, robot: RobotOptions, to: OutputOptions, printing: PrintOptions) -> None:
     """Exchange left and right. The result is not simulated."""
-    from robot_retarget.edit import mirrored
+    from robot_retarget.edit.cuts import mirrored
     from robot_retarget.formats import load_trajectory
 
     model = robot.load()
@@ -190,7 +190,7 @@ def cut(
     trim: Annotated[str, typer.Option(help="Keep START:STOP [s].")],
 ) -> None:
     """Keep a part of a trajectory. The result is not simulated."""
-    from robot_retarget.edit import trimmed
+    from robot_retarget.edit.cuts import trimmed
     from robot_retarget.formats import load_trajectory
 
     whole = load_trajectory(source.trajectory, robot.load())

@@ -144,7 +144,7 @@ def _require_drawn(outcome: object, path: Path) -> None:
 
 def _editor(take: "Take", motion: "Motion", map_file: Path | None, edits: Path) -> "Editor":
     """What touches up the first trajectory."""
-    from robot_retarget.edit.session import Session, graph_of
+    from robot_retarget.edit.touchup import Session, graph_of
 
     graph = graph_of(motion, take.robot, take.trajectory, map_file)
     return Session(graph, take.trajectory, edits, edits.with_suffix(".npz"))
