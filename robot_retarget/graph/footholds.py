@@ -11,12 +11,12 @@ import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, Ints, bearing, intervals, leftward, unit
 from robot_retarget.base.ramps import smoothstep
+from robot_retarget.contact.rule import JOINTS
 from robot_retarget.graph.path import RootScaling, root_scaling_of
 from robot_retarget.graph.placed_scene import PlacedScene, placed_scene
 from robot_retarget.graph.soles import HEEL, TOE, flattened, lengths, raised, turned
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.match import Match
-from robot_retarget.human.stance import StanceRule
 from robot_retarget.robot import Points, Robot, world_points
 from robot_retarget.robot.feet import CORNERS, sole_corners
 from robot_retarget.scene.scene import as_pose, composed, inverse
@@ -191,7 +191,7 @@ def _parts(human: HumanFeatures, match: Match, feet: tuple[str, ...]) -> tuple[I
     toes = [f"{foot}_toe" if f"{foot}_toe" in match.keypoints else f"{foot}_ankle" for foot in feet]
     parts = np.array([[match.index(toe), match.index(f"{foot}_ankle")] for toe, foot in zip(toes, feet, strict=True)])
     known = parts[:, 0] != parts[:, 1]
-    toe, ankle = (StanceRule().floor_height(human.positions[:, part, 2]) for part in parts.T)
+    toe, ankle = (JOINTS.floor_height(human.positions[:, part, 2]) for part in parts.T)
     over = np.where(known, toe - ankle, np.inf)
     return parts, human.ankle_height + np.column_stack([over, np.zeros(len(feet))])
 

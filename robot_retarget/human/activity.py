@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import minimum_filter1d
 
 from robot_retarget.base.arrays import Bools, Floats, intervals
 from robot_retarget.base.errors import BalanceError
+from robot_retarget.contact.feet import high_feet
+from robot_retarget.contact.rule import JOINTS
 from robot_retarget.human.match import Match
-from robot_retarget.human.stance import WINDOW, StanceRule
 
 IN_PLACE, STEPPING, FLIGHT, SUPPORTED = "in place", "stepping", "flight", "supported"
 
@@ -19,8 +19,6 @@ class ActivityRule:
 
     brief: float = 0.1
     """Activities with a smaller share of the time are ignored [-]: single steps in place, brief support."""
-    high: float = 0.12
-    """A flight has both feet higher than this, for longer than `StanceRule.flight`."""
     low: float = 0.62
     """A supported human has the pelvis lower than this share of its usual height [-] ..."""
     seat_offset: float = 0.3
@@ -50,7 +48,7 @@ def activity_of(supported: Bools, flying: Bools, contacts: dict[str, Bools], fps
         return Activity(IN_PLACE)
     if supported.mean() > brief:
         return _longest(SUPPORTED, supported, fps)
-    if any((stop - start) / fps > StanceRule().flight for start, stop in intervals(flying)):
+    if any((stop - start) / fps > JOINTS.flight for start, stop in intervals(flying)):
         return _longest(FLIGHT, flying, fps)
     planted = [foot.any(axis=1) for foot in contacts.values()]
     return Activity(IN_PLACE if np.logical_and.reduce(planted).mean() >= 1 - brief else STEPPING)
@@ -77,17 +75,13 @@ def is_supported(x: Floats, match: Match, rule: ActivityRule) -> Bools:
     x = x / match.human_leg
     pelvis, ankles = x[:, match.index("pelvis")], x[:, [match.index(k) for k in ("l_ankle", "r_ankle")]]
     beside = np.linalg.norm(pelvis[:, :2] - ankles.mean(axis=1)[:, :2], axis=1)
-    return (pelvis[:, 2] < rule.low * -StanceRule().floor_height(-pelvis[:, 2])) & (beside > rule.seat_offset)
+    return (pelvis[:, 2] < rule.low * -JOINTS.floor_height(-pelvis[:, 2])) & (beside > rule.seat_offset)
 
 
-def is_flying(x: Floats, match: Match, fps: float, rule: ActivityRule) -> Bools:
-    """Return (T,) whether both feet of keypoints (T, K, 3) [m] are high; on tiptoe the toes stay low."""
+def is_flying(x: Floats, match: Match, fps: float) -> Bools:
+    """Return (T,) whether both feet of keypoints (T, K, 3) [m] are in the air."""
     parts = [match.index(k) for k in ("l_ankle", "r_ankle", "l_toe", "r_toe") if k in match.keypoints]
-    if not parts:
-        return np.zeros(len(x), dtype=bool)
-    height = x[:, parts, 2] / match.human_leg
-    lowest = (height - StanceRule().floor_height(height, axis=0)).min(axis=1)
-    return lowest - minimum_filter1d(lowest, 2 * round(WINDOW * fps) + 1, mode="nearest") > rule.high
+    return high_feet(x[:, parts, 2] / match.human_leg, fps) if parts else np.zeros(len(x), dtype=bool)
 
 
 def _longest(kind: str, flags: np.ndarray, fps: float) -> Activity:

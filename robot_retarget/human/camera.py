@@ -14,9 +14,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Floats, intervals, unit
+from robot_retarget.contact.rule import JOINTS, standing
 from robot_retarget.human.capture import Capture
 from robot_retarget.human.recognition.recognise import Recognition
-from robot_retarget.human.stance import StanceRule, standing
 from robot_retarget.human.stature import leg_length
 
 ROUNDS = 3
@@ -108,9 +108,9 @@ def find_vertical(recognition: Recognition, positions: Floats, fps: float, axis:
 
 def _planted(feet: list[Floats], up: Floats, fps: float) -> Floats:
     """(S, 3) the median place of every foot in every stance [leg lengths]."""
-    rule, places = StanceRule(), []
+    places = []
     for foot in feet:
         height = foot @ up
-        stands = standing(foot, height - rule.floor_height(height), fps, rule)
+        stands = standing(foot, height - JOINTS.floor_height(height), fps)
         places += [np.median(foot[start:stop], axis=0) for start, stop in intervals(stands)]
     return np.array(places).reshape(-1, 3)

@@ -5,11 +5,11 @@ from math import hypot
 import numpy as np
 
 from robot_retarget.base.arrays import Floats
+from robot_retarget.contact.feet import CausalContacts, on_soles
+from robot_retarget.contact.rule import WINDOW
 from robot_retarget.human.causal_touches import CausalSurroundings
-from robot_retarget.human.contacts import CausalContacts, on_soles
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.ground import DRIFT
-from robot_retarget.human.stance import WINDOW
 from robot_retarget.scene.scene import Scene
 
 LEAP = 12.0
@@ -31,7 +31,8 @@ class CausalFeatures:
         """Start with the features of calibration frames, and with the bodies around if there are any."""
         match, x = known.calibration.match, known.positions
         level = x if known.around is None else known.around.levelled(x, match)
-        self.known, self.contacts, self.leg = known, CausalContacts(match, level), match.human_leg
+        self.known, self.leg = known, match.human_leg
+        self.contacts = CausalContacts(match.keypoints, self.leg, level)
         self.around = around
         self.moved: Floats = np.array([0.0, 0.0, -known.calibration.floor])
         """From the source's places to places over level ground: the floor and its drift, and leaps taken back [m]."""

@@ -3,29 +3,24 @@
 import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, lengths, unit
+from robot_retarget.contact.touch import CausalBodyTouches
 from robot_retarget.human.match import Match
 from robot_retarget.human.skeleton import Skeleton
-from robot_retarget.human.stance import StanceRule
-from robot_retarget.human.touches import ARRIVED, SLIDES, SMOOTH, Nearness, Surroundings, Touches, TouchProbe
+from robot_retarget.human.touches import SLIDES, SMOOTH, Nearness, Surroundings, Touches, TouchProbe
 from robot_retarget.scene.scene import Scene
 
 
 class CausalSurroundings:
     """The bodies around one performer.
 
-    A touch begins where a part is within reach of one and comes no nearer, and ends where it leaves by `ARRIVED` the least
-    distance that it had. Its place is where it begins, and follows a part that slides.
+    The place of a touch is where it begins, and follows a part that slides.
     """
 
     def __init__(self, match: Match, skeleton: Skeleton, scene: Scene):
         """Compile the bodies of a scene, whose poses are those of any frame."""
         self._probe, self._leg = TouchProbe(match, skeleton, scene), match.human_leg
         count = len(self._probe.pairs)
-        self._held: Bools = np.zeros(count, dtype=bool)
-        self._since: Floats = np.full(count, np.inf)
-        """Time since a touch began or ended [s]."""
-        self._away: Floats = np.full(count, np.inf)
-        self._least: Floats = np.full(count, np.inf)
+        self._contact = CausalBodyTouches(count, self._leg)
         self._places, self._normals = np.zeros((2, count, 3))
 
     def step(self, keypoints: Floats, joints: Floats, scene: Scene, seconds: float) -> Surroundings:
@@ -39,11 +34,11 @@ class CausalSurroundings:
         """
         poses = scene.poses(1)
         near = self._probe.nearness(keypoints[None], joints[None], poses)
-        began = self._changed(near.away[0], seconds)
+        began = self._contact.step(near.away[0], seconds)
         self._settle(near, began, seconds)
         touches = Touches(
             self._probe.pairs,
-            self._held[None].copy(),
+            self._contact.held[None].copy(),
             near.distance,
             self._places[None].copy(),
             near.offsets,
@@ -51,23 +46,10 @@ class CausalSurroundings:
         )
         return Surroundings(scene, touches, self._probe.ground(keypoints[None], poses))
 
-    def _changed(self, away: Floats, seconds: float) -> Bools:
-        """Update which pairs touch (C,); return those that begin to."""
-        shortest, near = StanceRule().shortest, ARRIVED * self._leg
-        nearing = (self._away - away) / seconds > near / shortest
-        touching = np.where(self._held, (away < 0) & (away < self._least + near), (away < 0) & ~nearing)
-        self._since += seconds
-        changed = (touching != self._held) & (self._since >= shortest)
-        self._held = self._held ^ changed
-        self._since[changed], self._away = 0.0, away
-        began = changed & self._held
-        self._least = np.where(began, away, np.minimum(self._least, away))
-        return began
-
     def _settle(self, near: Nearness, began: Bools, seconds: float) -> None:
         """Update places and normals: those of a touch stay where it began, until the part slides."""
         place, normal = near.places[0], near.outward[0]
         slides = lengths(place - self._places) > SLIDES * self._leg
-        free, share = (began | ~self._held)[:, None], 1 - np.exp(-seconds / SMOOTH)
+        free, share = (began | ~self._contact.held)[:, None], 1 - np.exp(-seconds / SMOOTH)
         self._places = np.where(free, place, self._places + share * slides[:, None] * (place - self._places))
         self._normals = np.where(free, normal, self._normals)

@@ -6,14 +6,14 @@ from functools import cached_property
 import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats
+from robot_retarget.contact.feet import contact_schedule, on_soles
+from robot_retarget.contact.rule import JOINTS, without_flicker
 from robot_retarget.human.activity import Activity, ActivityRule, activity_of, is_flying, is_supported
 from robot_retarget.human.calibration import Calibration, calibrate
-from robot_retarget.human.contacts import contact_schedule, on_soles
 from robot_retarget.human.ground import floor_under
 from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.segments import facing, heading
-from robot_retarget.human.stance import StanceRule, without_flicker
 from robot_retarget.human.touches import Surroundings, surroundings_of
 
 
@@ -83,19 +83,17 @@ def features_of(motion: Motion, match: Match) -> HumanFeatures:
     x = x - floor[:, None, None] * [0.0, 0.0, 1.0]
     around = None if clip.scene is None else surroundings_of(clip, match, x)
     level = x if around is None else around.levelled(x, match)
-    contacts = contact_schedule(level, match, fps, clip.contacts)
+    contacts = contact_schedule(match.named(level), match.human_leg, fps, clip.contacts)
     calibration = calibrate(clip, match, x, floor, contacts)
     axes = calibration.axes(x, clip.rotations)
     segments = calibration.named(axes)
-    contacts = {
-        foot: without_flicker(stands, fps, StanceRule()) for foot, stands in on_soles(contacts, segments).items()
-    }
+    contacts = {foot: without_flicker(stands, fps) for foot, stands in on_soles(contacts, segments).items()}
     whole = HumanFeatures(
         x,
         axes,
         contacts,
         is_supported(level, match, rule),
-        is_flying(level, match, fps, rule),
+        is_flying(level, match, fps),
         calibration,
         fps,
         _ankle_height(level, match),
@@ -109,4 +107,4 @@ def _ankle_height(x: Floats, match: Match) -> float:
     if match.recognition.ankle_height is not None:
         return match.recognition.ankle_height
     ankles = [match.index(k) for k in ("l_ankle", "r_ankle") if k in match.keypoints]
-    return float(StanceRule().floor_height(x[:, ankles, 2].min(axis=1))) if ankles else 0.0
+    return float(JOINTS.floor_height(x[:, ankles, 2].min(axis=1))) if ankles else 0.0

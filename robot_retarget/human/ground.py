@@ -3,8 +3,8 @@
 import numpy as np
 
 from robot_retarget.base.arrays import Floats
+from robot_retarget.contact.rule import JOINTS, lowest_over_time
 from robot_retarget.human.match import Match
-from robot_retarget.human.stance import StanceRule, lowest_over_time
 
 DRIFT = 0.1
 """A floor whose height varies by less is level [leg lengths]."""
@@ -25,5 +25,5 @@ def floor_under(positions: Floats, match: Match, fps: float) -> Floats:
         return np.zeros(len(positions))
     z, lowest = positions[:, :, 2], lowest_over_time(positions[:, :, 2], fps)
     feet = [k for k, name in enumerate(match.keypoints) if name.endswith(("ankle", "toe"))]
-    level = StanceRule().floor_height(z[:, feet].min(axis=1)) if feet else z.min()
+    level = JOINTS.floor_height(z[:, feet].min(axis=1)) if feet else z.min()
     return np.full_like(lowest, level) if np.ptp(lowest) < DRIFT * match.human_leg else lowest

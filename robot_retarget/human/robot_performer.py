@@ -3,21 +3,19 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.base.arrays import Bools, Floats
+from robot_retarget.base.arrays import Floats
 from robot_retarget.base.keypoints import SIDES, parent_indices
+from robot_retarget.contact.feet import sole_schedule
+from robot_retarget.contact.rule import SOLES
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.recognition import Mark, Recognition
 from robot_retarget.human.rotations import TURNED_BY
 from robot_retarget.human.skeleton import Skeleton
-from robot_retarget.human.stance import StanceRule, standing
 from robot_retarget.human.stature import leg_length
 from robot_retarget.robot import Anatomy, Robot, recognise_with, world_points
 from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.robot.timing import require_same_robot
 from robot_retarget.trajectory import Trajectory
-
-SOLES = StanceRule(enter_speed=0.05, leave_speed=0.1, enter_height=0.005, leave_height=0.01, averaged=0.0)
-"""A robot's soles stand lower and stiller than a human's ankles and toes [leg lengths, leg lengths / s]."""
 
 
 def performed(trajectory: Trajectory, robot: Robot, anatomy: Anatomy | None = None) -> Motion:
@@ -45,7 +43,7 @@ def performed(trajectory: Trajectory, robot: Robot, anatomy: Anatomy | None = No
     contacts = None
     if soles.keys() == set(SIDES):
         leg = leg_length(recognition, skeleton.rest()[None])
-        stands = [_edges(anatomy, side, (soles[side] - floor) / leg, trajectory.fps) for side in SIDES]
+        stands = [sole_schedule(soles[s] - floor, _ahead(anatomy, s), leg, trajectory.fps)[:, ::-1] for s in SIDES]
         contacts = np.concatenate(stands, axis=1)
     return Motion(
         skeleton,
@@ -92,10 +90,6 @@ def _rotations(robot: Robot, anatomy: Anatomy, qpos: Floats) -> Floats:
     return Rotation.from_matrix(turns.reshape(-1, 3, 3)).as_quat(scalar_first=True).reshape(*turns.shape[:2], 4)
 
 
-def _edges(anatomy: Anatomy, side: str, sole: Floats, fps: float) -> Bools:
-    """(T, 2) whether heel and toe of a foot stand, from the points (T, P, 3) of its sole over the floor [leg lengths]."""
-    along = anatomy.treads[side].offsets @ anatomy.frames[f"{side}_foot"][1][:, 0]
-    front = along > (along.min() + along.max()) / 2
-    edges = [sole[:, ~front], sole[:, front]]
-    stands = [standing(edge.mean(axis=1), edge[..., 2].min(axis=1), fps, SOLES) for edge in edges]
-    return np.stack(stands, axis=1)
+def _ahead(anatomy: Anatomy, side: str) -> Floats:
+    """Return (P,) how far the points of a sole are ahead in its foot [m]."""
+    return anatomy.treads[side].offsets @ anatomy.frames[f"{side}_foot"][1][:, 0]

@@ -11,10 +11,10 @@ from typing import Literal
 import numpy as np
 
 from robot_retarget.base.arrays import Floats, intervals
+from robot_retarget.contact.rule import JOINTS, speed_of
 from robot_retarget.human.activity import ActivityRule, is_supported
 from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion
-from robot_retarget.human.stance import StanceRule, speed_of
 from robot_retarget.human.surroundings import with_scene
 from robot_retarget.scene.scene import RigidBody, Scene
 from robot_retarget.scene.shape import ShapeKind, solid
@@ -92,11 +92,11 @@ def _said(body: RigidBody) -> str:
 
 def _footprints(x: Floats, match: Match, fps: float, rule: TerrainRule) -> Iterator[Footprint]:
     """Find where toe and ankle of a foot rest together and carry: below the pelvis, and not above another foot that rests."""
-    still, leg = StanceRule(), match.human_leg
+    leg = match.human_leg
     if not {"pelvis", *(f"{side}_{part}" for side in "lr" for part in ("toe", "ankle"))} <= set(match.keypoints):
         return
     feet = x[:, [[match.index(f"{side}_{part}") for part in ("toe", "ankle")] for side in "lr"]]
-    rests = np.asarray((speed_of(feet / leg, fps, still) < still.enter_speed).all(axis=2))
+    rests = np.asarray((speed_of(feet / leg, fps) < JOINTS.enter_speed).all(axis=2))
     height, pelvis = feet[:, :, 0, 2], x[:, match.index("pelvis"), 2]
     for foot in range(2):
         lifted = rests[:, 1 - foot] & (height[:, foot] > height[:, 1 - foot] + rule.rise * leg)
@@ -169,9 +169,8 @@ def _seats(x: Floats, floor: float, match: Match, fps: float, rule: TerrainRule)
         return
     leg, pelvis = match.human_leg, x[:, match.index("pelvis")]
     knees = x[:, [match.index(f"{side}_knee") for side in "lr"]].mean(axis=1)
-    still = StanceRule()
     rests = is_supported(x - [0.0, 0.0, floor], match, ActivityRule()) & (
-        speed_of(pelvis / leg, fps, still) < still.enter_speed
+        speed_of(pelvis / leg, fps) < JOINTS.enter_speed
     )
     found = [span for span in intervals(rests) if (span[1] - span[0]) / fps >= rule.sat]
     for count, (start, stop) in enumerate(found, 1):

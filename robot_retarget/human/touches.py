@@ -13,10 +13,10 @@ from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Bools, Floats, Ints, intervals, unit
+from robot_retarget.contact.touch import body_touches
 from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.skeleton import Skeleton
-from robot_retarget.human.stance import StanceRule, without_flicker
 from robot_retarget.scene.geoms import SceneModel
 from robot_retarget.scene.scene import Scene
 from robot_retarget.scene.shape import ShapeKind
@@ -26,8 +26,6 @@ FINGERS = 0.055
 FLESH = {"hand": 0.11, "elbow": 0.07, "knee": 0.09, "pelvis": 0.16, "toe": 0.07}
 """... and other parts within these distances of their joint; a hand without finger joints ends a palm's length from its wrist, or
 a finger's length from its knuckles [-]."""
-ARRIVED = 0.02
-"""A touch begins and ends where the part is no farther than this beyond its median distance, over the leg [-]."""
 SLIDES = 0.07
 """A touch whose place moves less than this over the leg stays on one place [-]."""
 SMOOTH = 0.15
@@ -201,7 +199,7 @@ def surroundings_of(motion: Motion, match: Match, x: Floats) -> Surroundings:
 
 def _touches(pairs: tuple[tuple[str, int], ...], near: Nearness, leg: float, fps: float) -> Touches:
     """Return the touches of a whole motion."""
-    held = _arrived(without_flicker(near.away < 0, fps, StanceRule()), near.away, ARRIVED * leg)
+    held = body_touches(near.away, leg, fps)
     places = _settled(near.places, held, SLIDES * leg, fps)
     normals = unit(_settled(near.outward, held, np.inf, fps))
     return Touches(pairs, held, near.distance, places, near.offsets, normals)
@@ -215,23 +213,6 @@ def _below(skeleton: Skeleton, match: Match, part: str) -> list[int]:
         if int(parents[joint]) in carried:
             carried.add(joint)
     return sorted(carried - own)
-
-
-def _arrived(held: Bools, away: Floats, near: float) -> Bools:
-    """Return the touches (T, C) without the approach and the departure, in which the part is farther than its median by more than `near`.
-
-    Args:
-        held: (T, C) while a part is within reach of a touch.
-        away: (T, C) distances [m].
-        near: [m].
-    """
-    found = np.zeros_like(held)
-    for pair in range(held.shape[1]):
-        for start, stop in intervals(held[:, pair]):
-            own = away[start:stop, pair]
-            there = start + np.flatnonzero(own <= np.median(own) + near)
-            found[there[0] : there[-1] + 1, pair] = True
-    return found
 
 
 def _settled(places: Floats, held: Bools, slides: float, fps: float) -> Floats:

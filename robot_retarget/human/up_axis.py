@@ -11,10 +11,10 @@ from scipy.constants import g
 from scipy.ndimage import correlate1d
 
 from robot_retarget.base.arrays import ALIGNED, Floats, unit
+from robot_retarget.contact.rule import JOINTS
 from robot_retarget.human.capture import Capture
 from robot_retarget.human.recognition.recognise import Recognition
 from robot_retarget.human.skeleton import Skeleton
-from robot_retarget.human.stance import StanceRule
 from robot_retarget.human.stature import leg_length
 
 AXES = ("+x", "+y", "+z", "-x", "-y", "-z")
@@ -41,7 +41,7 @@ class UpAxisRule:
     """Of evidence that fails in one file of five: the head is over the ankles in the rest pose, x does not point up."""
     near: float = 0.2
     """Height within which the lowest point of a clip begins at 0."""
-    airborne: float = StanceRule.flight
+    airborne: float = JOINTS.flight
     """Duration of a flight that counts fully [s]."""
     free: float = 0.25
     """Share of gravity by which the acceleration of a free fall may differ from it [-]."""
@@ -131,7 +131,7 @@ def _unsteady(positions: Floats, leg: float) -> Floats:
 
 def _floor_at_zero(positions: Floats, leg: float, rule: UpAxisRule) -> Floats:
     """(6,) whether the clip begins at height 0; a thin body that stands astride 0 begins nowhere."""
-    low = StanceRule().floor_height(_lowest(positions), axis=0) / leg
+    low = JOINTS.floor_height(_lowest(positions), axis=0) / leg
     near = np.exp(-((low / rule.near) ** 4))
     return np.maximum(near - np.roll(near, 3), 0.0)
 

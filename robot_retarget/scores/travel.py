@@ -9,10 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, intervals
-from robot_retarget.human.activity import ActivityRule
+from robot_retarget.contact.rule import JOINTS, over_lowest
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.match import Match
-from robot_retarget.human.stance import over_lowest
 from robot_retarget.robot import Robot, world_points
 from robot_retarget.robot.feet import sole_corners
 
@@ -21,7 +20,7 @@ from robot_retarget.robot.feet import sole_corners
 class StepThresholds:
     """Which swings of a foot count as steps; lengths in units of the body's leg."""
 
-    lift: float = ActivityRule.high
+    lift: float = JOINTS.high
     """A human swing counts if the ankle rises by more ..."""
     length: float = 0.3
     """... or comes down farther away; less is a shuffle, which a flat sole need not copy."""

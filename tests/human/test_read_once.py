@@ -11,12 +11,12 @@ import robot_retarget as rr
 from robot_retarget.base.shipped import SAMPLES
 
 MOST = {
-    "recognition/recognise.py:recognise": 1,
-    "match.py:human_positions": 2,
-    "ground.py:floor_under": 1,
-    "contacts.py:contact_schedule": 1,
-    "calibration.py:calibrate": 1,
-    "recognition/recognise.py:place": 8,
+    "human/recognition/recognise.py:recognise": 1,
+    "human/match.py:human_positions": 2,
+    "human/ground.py:floor_under": 1,
+    "contact/feet.py:contact_schedule": 1,
+    "human/calibration.py:calibrate": 1,
+    "human/recognition/recognise.py:place": 8,
 }
 """Calls from file to likeness; the reader places keypoints again after each repair."""
 
@@ -25,7 +25,7 @@ MOST = {
 def test_the_human_of_a_retargeting_is_read_once(balance: str) -> None:
     profile = cProfile.Profile()
     profile.runcall(_retargeted, balance)
-    home, calls = str(ROOT / "robot_retarget/human") + "/", Counter[str]()
+    home, calls = str(ROOT / "robot_retarget") + "/", Counter[str]()
     for (file, _, name), (_, count, *_) in vars(pstats.Stats(profile))["stats"].items():
         if file.startswith(home):
             calls[f"{file.removeprefix(home)}:{name}"] += count

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from robot_retarget.base.arrays import Floats
-from robot_retarget.base.keypoints import ARM
+from robot_retarget.contact.touch import OTHER, touch_reach, touch_strength
 from robot_retarget.graph.kind import SHORTEST, FrameTargets, Kind, RetargetContext, StreamFrame, Track
 from robot_retarget.graph.kinds.posture import KeypointPairs, distances
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
@@ -22,15 +22,11 @@ class _Touches(KeypointPairs):
     """Pairs that may touch."""
 
     reach: Floats
-    faint: float
 
     def targets(self, human: HumanFeatures) -> tuple[Floats, Floats]:
         """Return δ [m], and the strength of each touch, 0 … 1."""
         close = self.closeness(human)
-        near = close / self.reach
-        near *= near
-        near *= near
-        return self.scale * close, np.maximum(np.exp(-near * near) - self.faint, 0.0)
+        return self.scale * close, touch_strength(close, self.reach)
 
 
 @dataclass(frozen=True)
@@ -38,13 +34,8 @@ class TouchKind(Kind):
     """Pairs that may touch; π is 0 while they are apart."""
 
     name: str = "touch"
-    head: float = 0.22
-    hand: float = 0.14
-    other: float = 0.1
-    """A hand touches a head, the other hand or a knee, or another part within this distance, over the path between them
-    [-]."""
-    faint: float = 0.02
-    """A pair of at most this strength does not touch [-]: a hand that swings past a hip."""
+    other: float = OTHER
+    """Closeness within which a hand touches a part that is no head, hand or knee [-]."""
     lead: float = RAMP
     """Rise time and fall time of a touch [s]."""
 
@@ -73,33 +64,20 @@ class TouchKind(Kind):
             (a, b)
             for a in range(len(match.keypoints))
             for b in range(a)
-            if self.reach(match.keypoints[b], match.keypoints[a])
+            if touch_reach(match.keypoints[b], match.keypoints[a], self.other)
         ]
         if not pairs:
             return None
         i, j = np.array(pairs).T
         ends = [(match.keypoints[b], match.keypoints[a]) for a, b in pairs]
         tau = np.maximum(path_weights(match.parents, match.robot_bones)[i, j], SHORTEST)
-        reach = np.array([self.reach(*pair) for pair in ends])
+        reach = np.array([touch_reach(*pair, self.other) for pair in ends])
         path = match.human_paths[i, j]
-        return _Touches(ends=ends, scale=tau, i=i, j=j, path=path, reach=reach, faint=self.faint)
+        return _Touches(ends=ends, scale=tau, i=i, j=j, path=path, reach=reach)
 
     def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
         """d_uv."""
         return distances(track, body)
-
-    def reach(self, a: str, b: str) -> float:
-        """Return the touch distance of two keypoints, over the path between them; 0 for parts that cannot touch [-].
-
-        Args:
-            a: a keypoint.
-            b: the other keypoint.
-        """
-        for hand, part in ((a, b), (b, a)):
-            own_arm = part[:2] == hand[:2] and part[2:] in ARM
-            if hand.endswith("_hand") and not own_arm:
-                return {"head": self.head, "hand": self.hand, "knee": self.hand}.get(part.split("_")[-1], self.other)
-        return 0.0
 
     def for_robot(self) -> "TouchKind":
         """Return the kind without touches of the trunk: a robot's hand passes its hip closely without a touch."""

@@ -1,12 +1,12 @@
 """Feet that skate and bodies that float throughout a clip: no foothold can be read off them."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from robot_retarget.base.arrays import Floats
+from robot_retarget.contact.rule import JOINTS, ContactRule, lowest_over_time, speed_of
 from robot_retarget.human.recognition.recognise import Recognition
-from robot_retarget.human.stance import StanceRule, lowest_over_time, speed_of
 from robot_retarget.human.stature import leg_length
 
 FEET = ("l_ankle", "r_ankle", "l_toe", "r_toe")
@@ -16,7 +16,7 @@ FEET = ("l_ankle", "r_ankle", "l_toe", "r_toe")
 class FootingRule:
     """Thresholds; lengths in leg lengths, speeds in leg lengths per second."""
 
-    stance: StanceRule = field(default_factory=StanceRule)
+    stance: ContactRule = JOINTS
     """A low part of a foot skates while it is faster than what starts a stance."""
     high: float = 0.15
     """A body whose lowest point is higher than this above the floor floats."""

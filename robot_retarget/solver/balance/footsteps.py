@@ -14,8 +14,8 @@ from scipy.ndimage import uniform_filter1d
 from robot_retarget.base.arrays import Floats, intervals, leftward, unit
 from robot_retarget.base.errors import BalanceError
 from robot_retarget.base.ramps import smoothstep
+from robot_retarget.contact.rule import over_lowest, without_flicker
 from robot_retarget.graph.soles import flattened, laid, lengths
-from robot_retarget.human.stance import StanceRule, over_lowest, without_flicker
 from robot_retarget.scene.ground import SolidGround, filled
 
 # The feet on which the robot stands during a clip: the human's labels, adapted to flat hard soles.
@@ -52,7 +52,7 @@ def planted_feet(
     """Return (T, F) the feet of the robot on the ground or nearly so; at least one at every frame.
 
     Args:
-        stances: the human's, per foot (T, 2) toe and heel (`contacts.contact_schedule`).
+        stances: the human's, per foot (T, 2) toe and heel (`contact.feet`).
         corners: (T, F, 4, 3) corners of the robot's retargeted soles [m].
         ground: under them; the floor alone by default.
 
@@ -64,7 +64,7 @@ def planted_feet(
     _refuse_flight(_heights(corners, fps, ground).min(axis=1) / leg, fps, chosen)
     labelled = [stances[f].any(axis=1) if f in stances else np.zeros(len(corners), bool) for f in feet]
     planted = np.stack(labelled, axis=1) | ((low < chosen.height * leg) & (speed < chosen.speed * leg))
-    planted = without_flicker(planted, fps, StanceRule())
+    planted = without_flicker(planted, fps)
     nobody = np.flatnonzero(~planted.any(axis=1))
     planted[nobody, speed[nobody].argmin(axis=1)] = True
     return planted

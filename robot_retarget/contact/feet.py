@@ -1,21 +1,21 @@
 """The contact schedule: when toe and heel of each foot stand, for a clip and for a stream.
 
-Both use the detector of `stance`. A clip is smoothed over time; a stream holds a change for the
-shortest stance instead. The ankle represents the heel.
+Both use the rule of `rule`. A clip is smoothed over time; a stream holds a change for the shortest contact instead. The
+ankle of a human represents the heel; a robot has the front and the rear half of its sole.
 """
 
+from collections.abc import Mapping, Sequence
 from math import exp
 
 import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, Ints, lengths
-from robot_retarget.human.match import Match
-from robot_retarget.human.stance import StanceRule, standing, without_flicker
+from robot_retarget.contact.rule import JOINTS, SOLES, ContactRule, over_lowest, standing, without_flicker
 
-DOWN = np.array([-1.0, 1.0])
-"""Sign of the slope of a foot's forward whose toe, or heel, points down."""
 PARTS = ("toe", "ankle")
 """Keypoints of a foot, in the order of the columns of a schedule."""
+DOWN = np.array([-1.0, 1.0])
+"""Sign of the slope of a foot's forward whose toe, or heel, points down."""
 TILT = 0.5
 """A foot bears on a side that faces the floor by this cosine: 60° at most [-]."""
 CAUSAL_AVERAGE = 0.06
@@ -23,35 +23,37 @@ CAUSAL_AVERAGE = 0.06
 
 
 def contact_schedule(
-    x: Floats, match: Match, fps: float, contacts: Bools | None = None, rule: StanceRule | None = None
+    points: Mapping[str, Floats], leg: float, fps: float, given: Bools | None = None, rule: ContactRule = JOINTS
 ) -> dict[str, Bools]:
     """Detect the contacts of a clip.
 
     Args:
-        x: (T, K, 3) keypoints over level ground [m].
-        contacts: (T, 4) contacts that the source gives: left heel, left toe, right heel, right toe. They replace detection.
+        points: (T, 3) per keypoint, over level ground [m]; toes and ankles are read.
+        leg: length of the leg [m].
+        fps: frames per second [1/s].
+        given: (T, 4) contacts that the source gives: left heel, left toe, right heel, right toe. They replace detection.
+        rule: thresholds.
 
     Returns:
         Per foot (`l`, `r`) (T, 2): whether the toe stands, and whether the heel stands.
     """
-    chosen = rule or StanceRule()
-    if contacts is not None:
-        feet = {s: contacts[:, [2 * k + 1, 2 * k]] for k, s in enumerate("lr") if f"{s}_ankle" in match.keypoints}
-        return {side: without_flicker(given, fps, chosen) for side, given in feet.items()}
+    if given is not None:
+        feet = {side: given[:, [2 * k + 1, 2 * k]] for k, side in enumerate("lr") if f"{side}_ankle" in points}
+        return {side: without_flicker(own, fps, rule) for side, own in feet.items()}
     found: dict[str, Bools] = {}
     for column, part in enumerate(PARTS):
-        present = [f"{s}_{part}" for s in "lr" if f"{s}_{part}" in match.keypoints]
-        if not present:
+        sides = [side for side in "lr" if f"{side}_{part}" in points]
+        if not sides:
             continue
-        points = x[:, [match.index(k) for k in present]] / match.human_leg
-        height = points[:, :, 2] - chosen.floor_height(points[:, :, 2])
-        for k, keypoint in enumerate(present):
-            stands = found.setdefault(keypoint[0], np.zeros((len(x), 2), dtype=bool))
-            stands[:, column] = standing(points[:, k], height[:, k], fps, chosen)
+        places = np.stack([points[f"{side}_{part}"] for side in sides], axis=1) / leg
+        height = places[:, :, 2] - rule.floor_height(places[:, :, 2])
+        for k, side in enumerate(sides):
+            stands = found.setdefault(side, np.zeros((len(places), 2), dtype=bool))
+            stands[:, column] = standing(places[:, k], height[:, k], fps, rule)
     return found
 
 
-def on_soles(contacts: dict[str, Bools], segments: dict[str, Floats]) -> dict[str, Bools]:
+def on_soles(contacts: Mapping[str, Bools], segments: Mapping[str, Floats]) -> dict[str, Bools]:
     """Return a schedule without feet that lie on a side or on the instep.
 
     A toe and a heel stand while the sole faces the floor. A toe also stands while the toes point down, and a heel while the
@@ -69,30 +71,64 @@ def on_soles(contacts: dict[str, Bools], segments: dict[str, Floats]) -> dict[st
     return borne
 
 
+def sole_schedule(sole: Floats, ahead: Floats, leg: float, fps: float) -> Bools:
+    """Detect the contacts of a robot's foot.
+
+    Args:
+        sole: (T, P, 3) points of the sole, over level ground [m].
+        ahead: (P,) how far each is ahead [any unit]; the middle divides toe and heel.
+        leg: length of the robot's leg [m].
+        fps: frames per second [1/s].
+
+    Returns:
+        (T, 2) whether the toe stands, and whether the heel stands.
+    """
+    front = ahead > (ahead.min() + ahead.max()) / 2
+    edges = [sole[:, own] / leg for own in (front, ~front)]
+    stands = [standing(edge.mean(axis=1), edge[..., 2].min(axis=1), fps, SOLES) for edge in edges]
+    return np.stack(stands, axis=1)
+
+
+def high_feet(heights: Floats, fps: float, rule: ContactRule = JOINTS) -> Bools:
+    """Return (T,) whether all parts of the feet are high over the lowest that they are within `WINDOW` of each frame.
+
+    On tiptoe the toes stay low.
+
+    Args:
+        heights: (T, K) of toes and ankles [leg lengths].
+        fps: frames per second [1/s].
+        rule: thresholds.
+    """
+    own = heights - rule.floor_height(heights, axis=0)
+    return over_lowest(own.min(axis=1, keepdims=True), fps)[:, 0] > rule.high
+
+
 class CausalContacts:
     """Causal contact detector of a stream."""
 
-    rule: StanceRule
     leg: float
     columns: list[int]
     """Of each point, among the feet and `PARTS`."""
     speed: Floats
     since: Floats
 
-    def __init__(self, match: Match, x: Floats, rule: StanceRule | None = None):
+    def __init__(self, keypoints: Sequence[str], leg: float, x: Floats, rule: ContactRule = JOINTS):
         """Start with the floor of calibration frames.
 
         Args:
+            keypoints: K names.
+            leg: length of the leg [m].
             x: (T, K, 3) keypoints of the calibration over level ground [m].
+            rule: thresholds.
         """
-        self.rule, self.leg = rule or StanceRule(), match.human_leg
-        named = [(side, part) for part in PARTS for side in "lr" if f"{side}_{part}" in match.keypoints]
-        self.points: Ints = np.array([match.index(f"{side}_{part}") for side, part in named], dtype=np.int64)
+        self.rule, self.leg, keypoints = rule, leg, tuple(keypoints)
+        named = [(side, part) for part in PARTS for side in "lr" if f"{side}_{part}" in keypoints]
+        self.points: Ints = np.array([keypoints.index(f"{side}_{part}") for side, part in named], dtype=np.int64)
         self.feet: tuple[str, ...] = tuple(dict.fromkeys(side for side, _ in named))
         self.rows: list[int] = [self.feet.index(side) for side, _ in named]
         self.columns = [PARTS.index(part) for _, part in named]
-        low = {part: [match.index(k) for k in match.keypoints if k[2:] == part] for part in PARTS}
-        self.floor: Floats = np.array([self.rule.floor_height(x[:, low[part], 2]) for _, part in named])
+        low = {part: [k for k, name in enumerate(keypoints) if name[2:] == part] for part in PARTS}
+        self.floor: Floats = np.array([rule.floor_height(x[:, low[part], 2]) for _, part in named])
         self.stands: Bools = np.zeros(len(self.points), dtype=bool)
         self.speed, self.since = np.full(len(self.points), np.inf), np.full(len(self.points), np.inf)
         self._before: Floats | None = None

@@ -6,11 +6,11 @@ from scipy.spatial.transform import Rotation
 from shared_files import ROOT, SHARED, needs_shared
 
 import robot_retarget as rr
-from robot_retarget.human.contacts import contact_schedule, on_soles
+from robot_retarget.contact.feet import contact_schedule, on_soles
+from robot_retarget.contact.rule import ContactRule, without_flicker
 from robot_retarget.human.features import features_of
 from robot_retarget.human.match import match
 from robot_retarget.human.read import read_motion
-from robot_retarget.human.stance import StanceRule, without_flicker
 
 NPZ = SHARED / "motions" / "other" / "npz"
 
@@ -27,7 +27,7 @@ def test_said_contacts_are_the_stances_side_by_side_and_toe_before_heel(walk):
     said = np.zeros((len(motion), 4), dtype=bool)
     for column, first in enumerate((10, 30, 50, 70)):
         said[first : first + 15, column] = True
-    found = contact_schedule(x, matched, motion.fps, said)
+    found = contact_schedule(matched.named(x), matched.human_leg, motion.fps, said)
     assert np.array_equal(found["l"], said[:, [1, 0]])
     assert np.array_equal(found["r"], said[:, [3, 2]])
 
@@ -36,13 +36,13 @@ def test_a_contact_too_short_to_be_true_is_passed_over(walk):
     motion, matched, x = walk
     said = np.zeros((len(motion), 4), dtype=bool)
     said[20:22, 0] = True
-    assert not contact_schedule(x, matched, motion.fps, said)["l"].any()
+    assert not contact_schedule(matched.named(x), matched.human_leg, motion.fps, said)["l"].any()
 
 
 @pytest.mark.parametrize("fps", [15, 24, 25, 30, 50, 60, 100, 120])
 @pytest.mark.parametrize("shortest", [0.075, 0.15, 0.3])
 def test_stances_and_swings_no_longer_than_the_shortest_go_and_longer_ones_stay(fps: int, shortest: float) -> None:
-    rule = StanceRule(shortest=shortest)
+    rule = ContactRule(shortest=shortest)
     for length in range(1, 2 * int(shortest * fps) + 3):
         alone = np.zeros(400, dtype=bool)
         alone[150 : 150 + length] = True
@@ -57,7 +57,7 @@ def test_heels_are_still_while_a_generated_motion_says_they_stand(name):
     motion = read_motion(NPZ / f"kimodo_soma30_{name}.npz")
     matched = match(motion, rr.load_robot("op3"))
     x = features_of(motion, matched).positions
-    said = contact_schedule(x, matched, motion.fps, motion.contacts)
+    said = contact_schedule(matched.named(x), matched.human_leg, motion.fps, motion.contacts)
     for side in "lr":
         ankle = x[:, matched.index(f"{side}_ankle")]
         speed = np.linalg.norm(np.gradient(ankle, 1 / motion.fps, axis=0), axis=1)

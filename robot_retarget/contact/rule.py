@@ -1,7 +1,7 @@
-"""The one detector of foot contact: a point stands while it is slow and near its lowest height.
+"""The rule of contact: a point is on a surface while it is within a thickness of it, and stands there while it is also slow.
 
-Speeds are in leg lengths per second, heights in leg lengths. A point starts to stand below the enter thresholds and stops
-above the leave thresholds (a Schmitt trigger in speed and height).
+Both have an enter and a leave threshold (a Schmitt trigger in speed and height). Lengths and speeds are over the leg of the
+body, so that one rule serves bodies of every size.
 """
 
 from dataclasses import dataclass
@@ -16,23 +16,25 @@ WINDOW = 0.6
 
 
 @dataclass(frozen=True)
-class StanceRule:
-    """Thresholds of the contact detector."""
+class ContactRule:
+    """Thresholds of contact with a surface."""
 
     enter_speed: float = 0.3
     leave_speed: float = 0.4
     """[leg lengths / s]"""
     enter_height: float = 0.08
     leave_height: float = 0.10
-    """Above the floor [leg lengths]."""
+    """Thickness between a point and the surface [leg lengths]: skin, shoe and errors of a capture."""
     shortest: float = 0.075
-    """Stances and swings no longer than this are noise [s]."""
-    flight: float = 0.15
-    """A longer time with both feet in the air is a flight [s]."""
+    """Contacts and gaps no longer than this are noise [s]."""
     averaged: float = 0.1
     """Time over which speeds are averaged [s]: one tenth, so that the frame rate does not matter."""
     floor: float = 0.02
     """Quantile of the heights that is the floor: lower ones are outliers [-]."""
+    high: float = 0.12
+    """A flight has all parts of the feet higher than this [leg lengths] ..."""
+    flight: float = 0.15
+    """... for longer than this [s]."""
 
     def floor_height(self, heights: Floats, axis: int | None = None) -> Floats:
         """Return the floor under points, from their heights [m or leg lengths].
@@ -48,43 +50,54 @@ class StanceRule:
 
         Args:
             speed: (…) [leg lengths / s].
-            height: (…) above the floor [leg lengths].
+            height: (…) above the surface [leg lengths].
         """
         enter = (speed < self.enter_speed) & (height < self.enter_height)
         return enter, (speed < self.leave_speed) & (height < self.leave_height)
 
 
-def standing(points: Floats, height: Floats, fps: float, rule: StanceRule) -> Bools:
+JOINTS = ContactRule()
+"""Of toe and ankle joints of a captured human, over the lowest heights that they have."""
+SOLES = ContactRule(enter_speed=0.05, leave_speed=0.1, enter_height=0.005, leave_height=0.01, averaged=0.0)
+"""Of the points of a robot's soles, whose places are exact."""
+
+
+def standing(points: Floats, height: Floats, fps: float, rule: ContactRule = JOINTS) -> Bools:
     """Detect when a point stands, from the whole clip.
 
     Args:
         points: (T, 3) [leg lengths].
-        height: (T,) above the floor [leg lengths].
+        height: (T,) above the surface [leg lengths].
+        fps: frames per second [1/s].
+        rule: thresholds.
 
     Returns:
         (T,) True while the point stands.
     """
-    return without_flicker(_hysteresis(*rule.triggers(speed_of(points, fps, rule), height)), fps, rule)
+    enter, stay = rule.triggers(speed_of(points, fps, rule), height)
+    return without_flicker(entered_runs(enter, stay), fps, rule)
 
 
-def without_flicker(stands: Bools, fps: float, rule: StanceRule) -> Bools:
-    """Remove stances and swings (T, …) no longer than `rule.shortest`.
+def without_flicker(stands: Bools, fps: float, rule: ContactRule = JOINTS) -> Bools:
+    """Remove contacts and gaps (T, …) no longer than `rule.shortest`.
 
     Args:
-        stands: (T, …) whether points stand.
+        stands: (T, …) whether points are in contact.
         fps: frames per second [1/s].
+        rule: thresholds.
     """
     width = 2 * int(rule.shortest * fps) + 1
     size = (width, *(1,) * (stands.ndim - 1))
     return median_filter(stands.astype(np.uint8), size, mode="nearest").astype(bool)
 
 
-def speed_of(points: Floats, fps: float, rule: StanceRule) -> Floats:
+def speed_of(points: Floats, fps: float, rule: ContactRule = JOINTS) -> Floats:
     """Return the speed (T, …) of points (T, …, 3), averaged over `rule.averaged`.
 
     Args:
         points: (T, …, 3) [leg lengths].
         fps: frames per second [1/s].
+        rule: thresholds.
     """
     if len(points) < 2:
         return np.zeros(points.shape[:-1])
@@ -93,8 +106,8 @@ def speed_of(points: Floats, fps: float, rule: StanceRule) -> Floats:
     return uniform_filter1d(step, max(1, round(rule.averaged * fps)), axis=0, mode="nearest")
 
 
-def _hysteresis(enter: Bools, stay: Bools) -> Bools:
-    """Return the runs of `stay` that contain a frame of `enter`."""
+def entered_runs(enter: Bools, stay: Bools) -> Bools:
+    """Return the runs (T,) of `stay` that contain a frame of `enter`."""
     runs = np.cumsum(np.concatenate([[True], stay[1:] != stay[:-1]]))
     entered = np.zeros(runs[-1] + 1, dtype=bool)
     entered[runs[enter]] = True

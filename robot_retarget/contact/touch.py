@@ -1,0 +1,119 @@
+"""Touches: of a hand and another part of the same body, and of a part and a body around it, for a clip and for a stream.
+
+Two parts touch by the closeness of their keypoints, their distance over the path of bones between them: 0 together, 1
+stretched. A part touches a body by the distance of its keypoint from the surface, less a thickness of flesh.
+"""
+
+import numpy as np
+
+from robot_retarget.base.arrays import Bools, Floats, intervals
+from robot_retarget.base.keypoints import ARM
+from robot_retarget.contact.rule import JOINTS, without_flicker
+
+REACH = {"head": 0.22, "hand": 0.14, "knee": 0.14}
+"""A hand touches these parts within this closeness [-] ..."""
+OTHER = 0.1
+"""... and the other parts within this one."""
+FAINT = 0.02
+"""A pair of at most this strength does not touch [-]: a hand that swings past a hip."""
+HALF = 0.5
+"""A pair touches from this strength on [-]."""
+SLACK = 0.04
+"""A robot keeps a touch whose closeness exceeds the human's by at most this [-]."""
+ARRIVED = 0.02
+"""A touch of a body begins and ends where the part is no farther than this beyond its median distance [leg lengths]."""
+
+
+def touch_reach(a: str, b: str, other: float = OTHER) -> float:
+    """Return the closeness within which two keypoints touch [-]; 0 for parts that cannot.
+
+    Args:
+        a: a keypoint.
+        b: the other keypoint.
+        other: of a hand and a part that is no head, hand or knee.
+    """
+    for hand, part in ((a, b), (b, a)):
+        own_arm = part[:2] == hand[:2] and part[2:] in ARM
+        if hand.endswith("_hand") and not own_arm:
+            return REACH.get(part.split("_")[-1], other)
+    return 0.0
+
+
+def touch_strength(closeness: Floats, reach: Floats | float) -> Floats:
+    """Return the strength  max(exp(−(D̄ / reach)⁸) − faint, 0)  of touches, 0 … 1.
+
+    Args:
+        closeness: (…, P) D̄, distances over the paths between [-].
+        reach: (P,) of the pairs [-].
+    """
+    near = closeness / reach
+    near *= near
+    near *= near
+    return np.maximum(np.exp(-near * near) - FAINT, 0.0)
+
+
+def touching(closeness: Floats, reach: Floats | float) -> Bools:
+    """Return whether pairs touch; arguments as of `touch_strength`."""
+    return touch_strength(closeness, reach) > HALF
+
+
+def keeps_touch(robot: Floats, human: Floats) -> Bools:
+    """Return whether a robot's pairs are as close as the human's that touch.
+
+    Args:
+        robot: (…) closeness [-].
+        human: (…) closeness [-].
+    """
+    return robot <= human + SLACK
+
+
+def body_touches(away: Floats, leg: float, fps: float) -> Bools:
+    """Detect the touches of parts and bodies, from the whole clip.
+
+    The approach and the departure, in which a part is farther than its median by more than `ARRIVED`, are left out.
+
+    Args:
+        away: (T, C) distances of parts from surfaces, less their thickness [m].
+        leg: length of the leg [m].
+        fps: frames per second [1/s].
+    """
+    held = without_flicker(away < 0, fps)
+    found = np.zeros_like(held)
+    for pair in range(held.shape[1]):
+        for start, stop in intervals(held[:, pair]):
+            own = away[start:stop, pair]
+            there = start + np.flatnonzero(own <= np.median(own) + ARRIVED * leg)
+            found[there[0] : there[-1] + 1, pair] = True
+    return found
+
+
+class CausalBodyTouches:
+    """`body_touches` of a stream.
+
+    A touch begins where a part is within reach and comes no nearer, and ends where it leaves by `ARRIVED` the least distance
+    that it had.
+    """
+
+    def __init__(self, count: int, leg: float):
+        """Start with `count` pairs apart; `leg` [m]."""
+        self.held: Bools = np.zeros(count, dtype=bool)
+        self._near = ARRIVED * leg
+        self._since, self._away, self._least = np.full((3, count), np.inf)
+
+    def step(self, away: Floats, seconds: float) -> Bools:
+        """Update which pairs touch, and return those that begin to (C,).
+
+        Args:
+            away: (C,) distances of parts from surfaces, less their thickness [m].
+            seconds: since the frame before [s].
+        """
+        shortest = JOINTS.shortest
+        nearing = (self._away - away) / seconds > self._near / shortest
+        touch = np.where(self.held, (away < 0) & (away < self._least + self._near), (away < 0) & ~nearing)
+        self._since += seconds
+        changed = (touch != self.held) & (self._since >= shortest)
+        self.held = self.held ^ changed
+        self._since[changed], self._away = 0.0, away
+        began = changed & self.held
+        self._least = np.where(began, away, np.minimum(self._least, away))
+        return began
