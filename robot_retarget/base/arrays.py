@@ -1,6 +1,6 @@
 """Arrays that are checked once and never change, and directions."""
 
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,3 +68,23 @@ def intervals(flags: Bools) -> list[tuple[int, int]]:
     """Return the runs of True as (first, last + 1)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+# Smooth ramps from 0 to 1 in unit time.
+
+Values = TypeVar("Values", float, Floats)
+
+JERK_PEAK = 1.875
+"""Largest slope of `minimum_jerk` [-]."""
+SMOOTHSTEP_PEAK = 1.5
+"""Largest slope of `smoothstep` [-]."""
+
+
+def minimum_jerk(u: Floats) -> Floats:
+    """Return 10 u³ − 15 u⁴ + 6 u⁵: zero slope and curvature at both ends."""
+    return 10 * u**3 - 15 * u**4 + 6 * u**5
+
+
+def smoothstep(u: Values) -> Values:
+    """Return 3 u² − 2 u³: zero slope at both ends."""
+    return u**2 * (3 - 2 * u)

@@ -10,9 +10,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.base.arrays import Floats
+from robot_retarget.base.arrays import Floats, minimum_jerk
 from robot_retarget.base.errors import BalanceError, TrajectoryError, UsageError
-from robot_retarget.base.ramps import minimum_jerk
 from robot_retarget.edit.sequence import Part
 from robot_retarget.human.resample import at_frames
 from robot_retarget.human.robot_performer import performed

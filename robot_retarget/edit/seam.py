@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.base.arrays import Bools, Floats, Ints
+from robot_retarget.base.arrays import JERK_PEAK, Bools, Floats, Ints
 from robot_retarget.base.errors import TrajectoryError, UsageError
-from robot_retarget.base.ramps import JERK_PEAK
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.stature import leg_length
 

@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.base.arrays import Floats
+from robot_retarget.base.arrays import JERK_PEAK, Floats, minimum_jerk
 from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.base.keypoints import ARM, SIDES
-from robot_retarget.base.ramps import JERK_PEAK, minimum_jerk
 from robot_retarget.edit.seam import Seam, Stances, found_seam, table_of
 from robot_retarget.formats import load_trajectory
 from robot_retarget.human.kinematics import backward, forward

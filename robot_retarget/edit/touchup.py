@@ -14,10 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.base.arrays import Floats
+from robot_retarget.base.arrays import SMOOTHSTEP_PEAK, Floats, smoothstep
 from robot_retarget.base.errors import UsageError
 from robot_retarget.base.progress import Count
-from robot_retarget.base.ramps import SMOOTHSTEP_PEAK, smoothstep
 from robot_retarget.graph.added import SOFT, end_name
 from robot_retarget.graph.describe import RobotGraph, among_placed, describe
 from robot_retarget.graph.edits import Edit, edited, end_of, write_edits

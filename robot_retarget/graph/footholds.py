@@ -9,8 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.base.arrays import Bools, Floats, Ints, bearing, intervals, leftward, unit
-from robot_retarget.base.ramps import smoothstep
+from robot_retarget.base.arrays import Bools, Floats, Ints, bearing, intervals, leftward, smoothstep, unit
 from robot_retarget.contact.rule import JOINTS
 from robot_retarget.graph.path import RootScaling, root_scaling_of
 from robot_retarget.graph.placed_scene import PlacedScene, placed_scene

@@ -12,8 +12,7 @@ import numpy as np
 
 from robot_retarget.actuators.goals import RATE
 from robot_retarget.actuators.map import Limits, ServoMap
-from robot_retarget.base.arrays import Floats
-from robot_retarget.base.ramps import minimum_jerk
+from robot_retarget.base.arrays import Floats, minimum_jerk
 from robot_retarget.servo.cycle import Cycle, Step
 from robot_retarget.servo.guard import Guard
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions, PlaybackOutcome

@@ -8,9 +8,8 @@ from robot_retarget.actuators.feedback.law import Feedback
 from robot_retarget.actuators.feedback.reading import vertical_in
 from robot_retarget.actuators.goals import RATE
 from robot_retarget.actuators.map import Limits, ServoMap
-from robot_retarget.base.arrays import Floats, frozen
+from robot_retarget.base.arrays import JERK_PEAK, Floats, frozen, minimum_jerk
 from robot_retarget.base.errors import ServoError
-from robot_retarget.base.ramps import JERK_PEAK, minimum_jerk
 from robot_retarget.trajectory import FREE_ROOT, Trajectory
 
 SEAM = 0.1

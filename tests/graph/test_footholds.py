@@ -13,8 +13,7 @@ from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 from shared_files import SHARED, needs_shared
 
-from robot_retarget.base.arrays import Floats, intervals
-from robot_retarget.base.ramps import smoothstep
+from robot_retarget.base.arrays import Floats, intervals, smoothstep
 from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.graph.footholds import (

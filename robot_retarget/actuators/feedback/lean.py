@@ -8,8 +8,7 @@ A sensor that is turned, has a wrong sign or exchanged axes measures another lea
 import numpy as np
 
 from robot_retarget.actuators.feedback.reading import Reading, tilt_of
-from robot_retarget.base.arrays import Floats
-from robot_retarget.base.ramps import minimum_jerk
+from robot_retarget.base.arrays import Floats, minimum_jerk
 
 LEAN = 0.06
 """Lean of the trunk [rad]: 3.4°, 30 times the error of a mean over `HELD` with the data sheet's noise."""

@@ -5,8 +5,7 @@ from math import inf, pi
 
 import numpy as np
 
-from robot_retarget.base.arrays import Bools, Floats, bearing
-from robot_retarget.base.ramps import smoothstep
+from robot_retarget.base.arrays import Bools, Floats, bearing, smoothstep
 from robot_retarget.graph.context import RetargetContext, StreamFrame
 from robot_retarget.graph.footholds import Soles, Surface, soles_of, surface_under
 from robot_retarget.graph.soles import HEEL, TOE, flattened, lengths, raised, turned

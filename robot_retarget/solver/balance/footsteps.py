@@ -11,9 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from robot_retarget.base.arrays import Floats, intervals, leftward, unit
+from robot_retarget.base.arrays import Floats, intervals, leftward, smoothstep, unit
 from robot_retarget.base.errors import BalanceError
-from robot_retarget.base.ramps import smoothstep
 from robot_retarget.contact.rule import over_lowest, without_flicker
 from robot_retarget.graph.soles import flattened, laid, lengths
 from robot_retarget.scene.ground import SolidGround, filled

@@ -9,8 +9,7 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.base.arrays import Floats
-from robot_retarget.base.ramps import JERK_PEAK, minimum_jerk
+from robot_retarget.base.arrays import JERK_PEAK, Floats, minimum_jerk
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.soles import flattened, heading
 from robot_retarget.robot.kinematics import difference, integrate

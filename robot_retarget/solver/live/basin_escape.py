@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.base.arrays import Bools, Floats
-from robot_retarget.base.ramps import smoothstep
+from robot_retarget.base.arrays import Bools, Floats, smoothstep
 from robot_retarget.solver.descent import Box, FrameSolution
 from robot_retarget.solver.options import RealTime
 from robot_retarget.solver.problem import EdgeTargets
