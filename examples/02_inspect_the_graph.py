@@ -1,7 +1,7 @@
 """Look at the graph of a retargeting: its kinds, the edges of two ends, and the table of all edges of a frame."""
 
 import robot_retarget as rr
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 
 motion = rr.read_motion(SAMPLES / "clap.bvh").frames(30, 50)
 graph = rr.describe(motion, rr.load_robot("op3"))

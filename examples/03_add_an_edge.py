@@ -3,7 +3,7 @@
 import numpy as np
 
 import robot_retarget as rr
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.robot import world_points
 
 motion = rr.read_motion(SAMPLES / "wave.bvh").frames(0, 40)

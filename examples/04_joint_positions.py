@@ -6,7 +6,7 @@ from tempfile import mkdtemp
 import numpy as np
 
 import robot_retarget as rr
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 
 clip = rr.read_motion(SAMPLES / "squat.bvh").frames(0, 30)  # stands for your own source of positions
 path = Path(mkdtemp()) / "positions.npz"

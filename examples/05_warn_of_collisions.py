@@ -1,7 +1,7 @@
 """Predict self-collisions of a trajectory by the interaction distance of the links' surfaces."""
 
 import robot_retarget as rr
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 
 motion = rr.read_motion(SAMPLES / "clap.bvh").frames(20, 70)
 result = rr.retarget(motion, rr.load_robot("op3"), balance="off")

@@ -3,7 +3,7 @@
 import time
 
 import robot_retarget as rr
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 
 motion = rr.read_motion(SAMPLES / "wave.bvh").frames(0, 90)  # stands for a live source
 robot = rr.load_robot("op3")

@@ -6,7 +6,7 @@ from tempfile import mkdtemp
 import numpy as np
 
 import robot_retarget as rr
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 
 robot = rr.load_robot("op3")
 motion = rr.read_motion(SAMPLES / "walk.bvh").frames(0, 40)

@@ -4,7 +4,7 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 import robot_retarget as rr
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.collision.warn import warnings_of
 
 robot = rr.load_robot("op3")

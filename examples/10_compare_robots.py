@@ -4,7 +4,7 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 import robot_retarget as rr
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 
 motion = rr.read_motion(SAMPLES / "hips_and_bow.bvh").frames(0, 40)
 robot = rr.load_robot("op3")

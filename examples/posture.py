@@ -2,7 +2,7 @@
 
 import robot_retarget as rr
 from robot_retarget import papers
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 
 motion = rr.read_motion(SAMPLES / "clap.bvh")
 longer = [1.2 if name.endswith(("Elbow", "Wrist")) else 1.0 for name in motion.skeleton.names]

@@ -18,7 +18,7 @@ from robot_retarget.base.errors import (
     ServoError,
     TrajectoryError,
 )
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.formats import import_motion
 from robot_retarget.graph.edits import read_edits
 from robot_retarget.human.match import match

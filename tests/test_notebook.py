@@ -7,7 +7,7 @@ import pytest
 from made_trajectories import swing
 
 from robot_retarget.base.errors import UsageError
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.human.read import read_motion
 from robot_retarget.judge.rollout import simulate
 from robot_retarget.robot import load_robot

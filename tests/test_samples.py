@@ -11,8 +11,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from shared_files import ROOT
 
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.base.keypoints import KEYPOINTS
-from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.human.kinematics import backward
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import read_motion

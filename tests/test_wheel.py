@@ -57,7 +57,7 @@ def test_an_environment_without_the_checkout_retargets_with_it(wheel: Path, tmp_
     own = next((tmp_path / "venv/lib").glob("python3*/site-packages"))
     (own / "dependencies.pth").write_text(sysconfig.get_path("purelib"))
     quiet = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
-    script = "import robot_retarget.base.shipped as s; print(s.SAMPLES / 'wave.bvh')"
+    script = "import robot_retarget.base.files as s; print(s.SAMPLES / 'wave.bvh')"
     clip = subprocess.run(
         [python, "-c", script], capture_output=True, text=True, cwd=tmp_path, env=quiet
     ).stdout.strip()

@@ -7,8 +7,8 @@ import numpy as np
 
 from robot_retarget.actuators.map import load_map
 from robot_retarget.base.errors import MatchError, RobotError, known
+from robot_retarget.base.files import MODELS
 from robot_retarget.base.keypoints import ARM
-from robot_retarget.base.shipped import MODELS
 from robot_retarget.base.untrusted.documents import read_toml
 from robot_retarget.base.untrusted.limits import one_line
 from robot_retarget.robot.anatomy import Anatomy

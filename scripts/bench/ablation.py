@@ -12,7 +12,7 @@ from pathlib import Path
 from retarget_figures import Figures, figures, mean
 
 import robot_retarget as rr
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.weights import Weights
 from robot_retarget.solver.options import Search, Smoothing, SolveOptions
 from robot_retarget.solver.solve import solve_graph

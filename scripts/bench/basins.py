@@ -14,7 +14,7 @@ import numpy as np
 
 import robot_retarget as rr
 from robot_retarget.base.arrays import Floats
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.solver.options import Search
 from robot_retarget.solver.problem import targets_of
 from robot_retarget.solver.solve import problem_of, solve_graph

@@ -16,7 +16,7 @@ from retarget_figures import Figures, figures, mean
 
 import robot_retarget as rr
 from robot_retarget.base.arrays import Floats
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.collision.warn import warnings_of
 from robot_retarget.graph.weights import Weights
 from robot_retarget.robot.distances import LinkDistances

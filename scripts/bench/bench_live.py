@@ -19,7 +19,7 @@ import numpy as np
 import robot_retarget as rr
 from robot_retarget.actuators.goals import RATE
 from robot_retarget.actuators.map import load_map
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.live.faults import FaultCounter
 from robot_retarget.live.loop import LivePose, Loop
 from robot_retarget.live.ports import UdpPort

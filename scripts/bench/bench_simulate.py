@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 import robot_retarget as rr
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.judge.compensate import compensated
 from robot_retarget.judge.domain import draws
 from robot_retarget.judge.goals import plain_goals

@@ -21,7 +21,7 @@ from retarget_figures import figures
 
 import robot_retarget as rr
 from robot_retarget.base.arrays import Floats
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import MOST_FPS, RobotGraph, describe
 from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.separation import Separation

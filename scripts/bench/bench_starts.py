@@ -15,7 +15,7 @@ import numpy as np
 
 import robot_retarget as rr
 from robot_retarget.base.arrays import Floats
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.solver import clip as clip_module
 from robot_retarget.solver.solve import solve_graph
 

@@ -18,7 +18,7 @@ from retarget_figures import figures
 
 import robot_retarget as rr
 from robot_retarget.base.arrays import Floats
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.causal.targets import CausalTargets
 from robot_retarget.graph.describe import at_rate
 from robot_retarget.human.causal import CausalFeatures

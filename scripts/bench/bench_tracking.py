@@ -18,7 +18,7 @@ import numpy as np
 import robot_retarget as rr
 from robot_retarget.actuators.map import load_map
 from robot_retarget.base.arrays import Floats
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.judge.compensate import compensated
 from robot_retarget.judge.figures import at_frames
 from robot_retarget.judge.goals import plain_goals

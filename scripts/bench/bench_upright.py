@@ -12,7 +12,7 @@ from pathlib import Path
 
 import robot_retarget as rr
 from robot_retarget.base.errors import BalanceError, MatchError
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import MOST_FPS
 from robot_retarget.human.features import features_of
 from robot_retarget.judge.stepping import Playback

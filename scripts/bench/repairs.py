@@ -15,7 +15,7 @@ import numpy as np
 
 import robot_retarget as rr
 from robot_retarget.base.arrays import Floats
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.solver import passes
 from robot_retarget.solver.options import Smoothing

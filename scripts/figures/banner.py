@@ -21,8 +21,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 import robot_retarget as rr
 from robot_retarget.base.arrays import Floats
-from robot_retarget.base.files import replacing
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES, replacing
 from robot_retarget.tools.view.gl import open_context
 from robot_retarget.tools.view.picture import Unavailable
 

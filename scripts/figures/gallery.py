@@ -12,8 +12,7 @@ from pathlib import Path
 
 import robot_retarget as rr
 from robot_retarget.base.errors import RobotRetargetError
-from robot_retarget.base.files import folder, replacing
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES, folder, replacing
 from robot_retarget.tools.view import Picture, strip
 from robot_retarget.tools.view.web import Viewer, view
 

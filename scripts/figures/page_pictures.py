@@ -21,8 +21,7 @@ from selenium.webdriver.chrome.options import Options
 from selenium.webdriver.chrome.service import Service
 
 import robot_retarget as rr
-from robot_retarget.base.files import folder, replacing
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES, folder, replacing
 
 FLAGS = (
     "--headless=new",

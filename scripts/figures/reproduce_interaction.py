@@ -8,7 +8,7 @@ import paper_plots as draw
 from paper_scenes import meeting, reaching
 
 import robot_retarget as rr
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.papers import (
     INTERACTION,
     Interaction,

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import robot_retarget as rr
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.tools.view import Picture, strip
 
 MOMENTS = {"clap": (47, 79, 5), "squat": (0, 76, 5), "walk": (45, 101, 7)}

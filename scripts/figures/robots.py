@@ -17,8 +17,7 @@ from PIL import Image, ImageDraw
 
 import robot_retarget as rr
 from robot_retarget.base.errors import RobotRetargetError
-from robot_retarget.base.files import folder, replacing
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES, folder, replacing
 from robot_retarget.human.motion import Motion
 from robot_retarget.tools.view.painter import painter
 from robot_retarget.tools.view.staging import arrange

@@ -13,7 +13,7 @@ from itertools import product
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-CLIP = "import robot_retarget.base.shipped as s; print(s.SAMPLES / 'wave.bvh')"
+CLIP = "import robot_retarget.base.files as s; print(s.SAMPLES / 'wave.bvh')"
 
 
 def built(folder: Path) -> list[Path]:

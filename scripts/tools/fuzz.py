@@ -137,7 +137,7 @@ FAULTS = (_flip, _cut, _drop, _repeat, _noise, _number, _number, _line)
 
 def motion_target(folder: Path, more: list[Path]) -> Target:
     """All readers of human motion."""
-    from robot_retarget.base.shipped import SAMPLES
+    from robot_retarget.base.files import SAMPLES
     from robot_retarget.human.read import read_motion
 
     rng = np.random.default_rng(0)
@@ -185,7 +185,7 @@ def format_target(folder: Path, more: list[Path]) -> Target:
 def toml_target(folder: Path, more: list[Path]) -> Target:
     """All TOML files and reports."""
     from robot_retarget.actuators.map import load_map
-    from robot_retarget.base.shipped import MODELS, SAMPLES
+    from robot_retarget.base.files import MODELS, SAMPLES
     from robot_retarget.graph.edits import read_edits
     from robot_retarget.human.match import match
     from robot_retarget.human.read import read_motion
@@ -239,7 +239,7 @@ iyz="0"/></inertial><collision><geometry><box size=".1 .1 .1"/></geometry></coll
 
 def live_target(folder: Path, more: list[Path]) -> Target:
     """Packets of performers: VMC, lines of JSON, floats."""
-    from robot_retarget.base.shipped import SAMPLES
+    from robot_retarget.base.files import SAMPLES
     from robot_retarget.human.read import read_motion
     from robot_retarget.live.faults import FaultCounter, RefusedError
     from robot_retarget.live.protocols.floats import FloatDecoder

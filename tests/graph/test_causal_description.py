@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.causal.footholds import CLOSING, SWERVE
 from robot_retarget.graph.causal.targets import CausalTargets
 from robot_retarget.graph.describe import RobotGraph, describe

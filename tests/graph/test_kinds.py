@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot_retarget.base.arrays import Floats
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.graph.kind import Kind, RetargetContext
 from robot_retarget.graph.kinds import KINDS, stream_kinds

@@ -8,7 +8,7 @@ from shared_files import SHARED, needs_shared
 
 import robot_retarget as rr
 from robot_retarget.base.errors import BalanceError
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.human.activity import Activity
 from robot_retarget.human.features import features_of
 

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.base.arrays import Floats, unit
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.human.features import features_of
 from robot_retarget.human.match import match
 from robot_retarget.human.motion import Motion

@@ -7,8 +7,8 @@ import pytest
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.base.errors import MatchError
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.base.keypoints import KEYPOINTS
-from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.human.match import match
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot

@@ -8,7 +8,7 @@ import pytest
 from shared_files import ROOT
 
 import robot_retarget as rr
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 
 MOST = {
     "human/recognition/recognise.py:recognise": 1,

@@ -6,7 +6,7 @@ import numpy as np
 from bench_upright import judged, table
 
 import robot_retarget as rr
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 
 
 def test_a_squat_over_standing_feet_is_upright_in_its_row_and_in_drawn_worlds() -> None:

@@ -11,7 +11,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 
 os.environ.setdefault("HF_HUB_OFFLINE", "1")
 pytest.importorskip("lerobot", reason="lerobot is not installed")

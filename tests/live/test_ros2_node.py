@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.robot import load_robot
 
 rclpy = pytest.importorskip("rclpy", reason="rclpy is not installed")

@@ -8,7 +8,7 @@ import forked
 import pytest
 from performers import HOST
 
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 
 WAVE = str(SAMPLES / "wave.bvh")
 

@@ -17,7 +17,7 @@ from performers import HOST, clip, listening, performing
 from shared_files import ROOT
 
 from robot_retarget.actuators.map import load_map
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.live.loop import Loop
 from robot_retarget.live.protocols.lines import line_of, skeleton_line
 from robot_retarget.live.protocols.vmc import VmcDecoder

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from small_graphs import with_huber
 
 from robot_retarget.base.errors import GraphError
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.human.read import read_motion
 from robot_retarget.papers import (
     Ipopt,

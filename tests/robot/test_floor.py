@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from shared_files import SHARED, needs_shared
 
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import Robot, load_robot

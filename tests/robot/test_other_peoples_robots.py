@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from robot_retarget.base.errors import MatchError, RobotError
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.base.keypoints import KEYPOINTS
-from robot_retarget.base.shipped import SAMPLES
 from robot_retarget.human.match import match
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import read_motion

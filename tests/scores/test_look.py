@@ -10,7 +10,7 @@ from shared_files import SHARED, needs_shared
 
 from robot_retarget.base.arrays import unit
 from robot_retarget.base.errors import MatchError
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph import describe as graph_module
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot

@@ -11,7 +11,7 @@ from emulated import emulated
 
 import robot_retarget as rr
 from robot_retarget.actuators.map import load_map
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions
 from robot_retarget.servo.plan import goal_plan
 from robot_retarget.servo.play import play

@@ -22,7 +22,7 @@ from robot_retarget.actuators.feedback.reading import LEVEL, Reading
 from robot_retarget.actuators.feedback.sensor import VirtualImu
 from robot_retarget.actuators.map import ServoMap, load_map
 from robot_retarget.base.errors import ServoError
-from robot_retarget.base.shipped import MODELS as SHIPPED
+from robot_retarget.base.files import MODELS as SHIPPED
 from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.opencr import OpenCr, decoded, encoded
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions

@@ -14,7 +14,7 @@ from scipy.spatial import KDTree
 
 import robot_retarget as rr
 from robot_retarget.base.errors import BalanceError, UsageError
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.judge.compensate import compensated
 from robot_retarget.judge.rollout import plant_of
 from robot_retarget.judge.stepping import Playback, roll_out

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import robot_retarget as rr
-from robot_retarget.base.shipped import MODELS, SAMPLES
+from robot_retarget.base.files import MODELS, SAMPLES
 from robot_retarget.robot import load_robot
 from robot_retarget.solver.balance.balance import balance_modes
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robot_retarget.base.arrays import Floats
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.graph.kinds import KINDS, STREAM_KINDS
 from robot_retarget.graph.role import SECOND_DIFFERENCE, Role

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from point_functions import point_function
 
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import Points, Robot, load_robot

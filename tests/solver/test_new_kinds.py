@@ -18,7 +18,7 @@ from shared_files import ROOT
 import robot_retarget as rr
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import GraphError
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.edit.touchup import apply_edit
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.edits import Edit

@@ -3,7 +3,7 @@
 import pytest
 
 from robot_retarget.base.errors import UsageError
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.weights import PRESETS, Weights
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import robot_retarget as rr
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.robot import world_points
 from robot_retarget.solver.options import Smoothing
 from robot_retarget.solver.solve import solve_graph

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import RobotGraph, graph_of
 from robot_retarget.graph.status import Status
 from robot_retarget.graph.track import frame_costs

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot
 from robot_retarget.solver.pipeline import retarget

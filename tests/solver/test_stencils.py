@@ -9,7 +9,7 @@ import pytest
 
 import robot_retarget as rr
 from robot_retarget.base.arrays import Floats
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.kind import Kind, RetargetContext, Track, exact
 from robot_retarget.graph.kinds import clip_kinds

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import describe
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot

@@ -10,7 +10,7 @@ from made_trajectories import RAIL, hold, robot_of, wander
 from PIL import Image
 
 from robot_retarget.base.errors import OutputError, TrajectoryError, UsageError
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.human.match import match_bodies
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot, recognise

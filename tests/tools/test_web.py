@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from shared_files import SHARED, needs_shared
 
 import robot_retarget as rr
-from robot_retarget.base.shipped import SAMPLES
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.human.match import match
 from robot_retarget.human.read import read_motion
 from robot_retarget.judge.rollout import simulate

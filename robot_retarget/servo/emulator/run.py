@@ -9,7 +9,7 @@ from robot_retarget.actuators.feedback.reading import LEVEL
 from robot_retarget.actuators.feedback.sensor import VirtualImu
 from robot_retarget.actuators.map import ServoMap
 from robot_retarget.base.errors import ServoError
-from robot_retarget.base.shipped import MODELS
+from robot_retarget.base.files import MODELS
 from robot_retarget.servo.emulator.device import rested
 from robot_retarget.servo.emulator.network import Network
 from robot_retarget.servo.emulator.opencr import Board

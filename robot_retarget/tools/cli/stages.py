@@ -124,7 +124,7 @@ def judged_plain(
 def played_on_emulated(robot: str, folder: Path) -> "PlaybackOutcome | None":
     """Play the folder's trajectory on an emulated bus with the robot's model behind it; None for a robot without a servo map."""
     from robot_retarget.actuators.map import load_map
-    from robot_retarget.base.shipped import MODELS
+    from robot_retarget.base.files import MODELS
     from robot_retarget.servo.emulated import play_emulated
     from robot_retarget.trajectory import load_trajectory
 
@@ -225,7 +225,7 @@ def is_robot_name(name: str) -> bool:
 def shipped_clip(name: str) -> Path:
     """The file of a sample clip by its name."""
     from robot_retarget.base.errors import known
-    from robot_retarget.base.shipped import SAMPLES
+    from robot_retarget.base.files import SAMPLES
 
     clips = {path.stem: path for path in sorted(SAMPLES.glob("*.bvh"))}
     if name not in clips:
