@@ -15,7 +15,7 @@ from robot_retarget.actuators.goals import Goals, read_goals, require_angles
 from robot_retarget.base.arrays import Floats, frozen
 from robot_retarget.base.errors import SceneError, TrajectoryError
 from robot_retarget.base.files import replacing
-from robot_retarget.base.notebook import card, data_frame
+from robot_retarget.base.pages import card, data_frame
 from robot_retarget.base.untrusted.fields import Field, read_fields
 from robot_retarget.scene.pack import FIELDS as SCENE_FIELDS
 from robot_retarget.scene.pack import arrays_of, scene_from

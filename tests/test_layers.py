@@ -53,7 +53,7 @@ LIBRARIES = {
     "dynamixel_sdk": ("servo/bus.py",),
     "typer": ("tools/cli/",),
     "rich": ("tools/cli/console.py", "tools/cli/bars.py"),
-    "jinja2": ("base/templates.py",),
+    "jinja2": ("base/pages.py",),
     "ray": ("tools/batch/cluster.py",),
     "pyarrow": ("tools/batch/summary.py", "base/untrusted/tables.py"),
     "pythonosc": ("live/send.py",),

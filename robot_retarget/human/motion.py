@@ -8,7 +8,7 @@ import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, frozen
 from robot_retarget.base.errors import MotionError, UsageError
-from robot_retarget.base.notebook import card, data_frame
+from robot_retarget.base.pages import card, data_frame
 from robot_retarget.human.recognition import Recognition, recognise
 from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.scene.scene import Scene

@@ -12,7 +12,7 @@ from robot_retarget import __version__
 from robot_retarget.base.arrays import Floats, frozen
 from robot_retarget.base.errors import UsageError
 from robot_retarget.base.files import MODELS, write_text
-from robot_retarget.base.notebook import card, data_frame
+from robot_retarget.base.pages import card, data_frame
 from robot_retarget.base.report_file import FORMAT_VERSION, SEAL, content_sha256, sealed
 from robot_retarget.base.untrusted.documents import read_json
 from robot_retarget.collision.warn import Warnings

@@ -12,7 +12,7 @@ import numpy as np
 from robot_retarget.actuators.map import ServoMap
 from robot_retarget.base.arrays import Floats, Ints, frozen
 from robot_retarget.base.errors import RobotError
-from robot_retarget.base.notebook import card
+from robot_retarget.base.pages import card
 from robot_retarget.robot.source import Quaternion, read_spec
 from robot_retarget.trajectory import Trajectory
 

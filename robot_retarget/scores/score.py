@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from robot_retarget.base.errors import MatchError
-from robot_retarget.base.notebook import card
+from robot_retarget.base.pages import card
 from robot_retarget.graph.describe import among_placed
 from robot_retarget.human.features import HumanFeatures, features_of
 from robot_retarget.human.match import match, read_map

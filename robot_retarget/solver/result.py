@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from robot_retarget.base.notebook import card
+from robot_retarget.base.pages import card
 from robot_retarget.collision.warn import Warnings, warnings_of
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.status import Status

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from robot_retarget.base.files import write_text
-from robot_retarget.base.templates import rendered
+from robot_retarget.base.pages import rendered
 from robot_retarget.scores.table import FIGURES
 from robot_retarget.tools.batch.filters import Chosen
 from robot_retarget.tools.batch.task import DONE, Row

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robot_retarget.base.files import write_text
-from robot_retarget.base.templates import rendered
+from robot_retarget.base.pages import rendered
 from robot_retarget.tools.view.web.pack import Packer
 from robot_retarget.tools.view.web.show import take_header
 from robot_retarget.tools.view.web.take import Take, human_of

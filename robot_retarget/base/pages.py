@@ -1,4 +1,4 @@
-"""Cards of values for notebooks, and data frames for pandas."""
+"""Pages from templates, cards of values for notebooks, and data frames for pandas."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -6,7 +6,20 @@ from typing import Any
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import UsageError
-from robot_retarget.base.templates import rendered
+
+# Pages from templates: text is escaped unless it is marked as HTML.
+
+
+def rendered(template: Path, **facts: Any) -> str:
+    """Return the page of a Jinja template with its facts; a fact that is missing is an error."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    loader = FileSystemLoader(template.parent)
+    pages = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    return pages.get_template(template.name).render(facts)
+
+
+# Cards of values for notebooks, and data frames for pandas.
 
 CARD = Path(__file__).with_name("card.html")
 
