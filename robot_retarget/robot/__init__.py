@@ -1,7 +1,6 @@
 """The robot side: an MJCF becomes a `Robot`, and a humanoid is found in it."""
 
-from robot_retarget.base.rendering import require_usable_gl
-from robot_retarget.base.versions import require_mujoco
+from robot_retarget.base.mujoco_setup import require_mujoco, require_usable_gl
 
 require_mujoco()
 require_usable_gl()

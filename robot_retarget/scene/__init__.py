@@ -3,8 +3,7 @@
 `read` reads files to a `Scene`, `Motion.with_scene` brings it to the frames of a motion, `geoms` gives it to MuJoCo.
 """
 
-from robot_retarget.base.rendering import require_usable_gl
-from robot_retarget.base.versions import require_mujoco
+from robot_retarget.base.mujoco_setup import require_mujoco, require_usable_gl
 
 require_mujoco()
 require_usable_gl()

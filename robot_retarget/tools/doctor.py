@@ -67,7 +67,7 @@ def _python() -> ComponentStatus:
 
 
 def _mujoco() -> ComponentStatus:
-    from robot_retarget.base.versions import OLDEST, check
+    from robot_retarget.base.mujoco_setup import OLDEST, check
 
     cure = f"pip install 'mujoco>={'.'.join(map(str, OLDEST))}'"
     try:

@@ -12,7 +12,7 @@ import tempfile
 import venv
 from pathlib import Path
 
-from robot_retarget.base.versions import OLDEST
+from robot_retarget.base.mujoco_setup import OLDEST
 
 ROOT = Path(__file__).resolve().parents[2]
 TESTS = ("tests/robot", "tests/score/test_look.py", "tests/simulate/test_servo_model.py")

@@ -6,7 +6,7 @@ import pytest
 from shared_files import ROOT
 
 from robot_retarget.base.errors import RobotError
-from robot_retarget.base.versions import check, require_mujoco
+from robot_retarget.base.mujoco_setup import check, require_mujoco
 
 
 @pytest.mark.parametrize("version", ["3.12.0", "3.17.0", "4.0.1", "4.1.0rc1", "10.0"])

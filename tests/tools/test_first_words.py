@@ -13,7 +13,7 @@ from made_trajectories import wander
 from shared_files import ROOT
 
 from robot_retarget.base.errors import UsageError, known
-from robot_retarget.base.rendering import unusable
+from robot_retarget.base.mujoco_setup import unusable
 from robot_retarget.human.span import span_of
 from robot_retarget.robot import load_robot
 from robot_retarget.tools.cli import app
