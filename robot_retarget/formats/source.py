@@ -11,8 +11,8 @@ import numpy as np
 from robot_retarget.base.errors import FileError
 from robot_retarget.base.untrusted.arrays import load_npz
 from robot_retarget.base.untrusted.fields import rate_of
+from robot_retarget.base.untrusted.limits import LZ4_MAGIC, file_bytes, is_zip
 from robot_retarget.base.untrusted.pickles import load_pickle
-from robot_retarget.base.untrusted.unpack import LZ4_MAGIC, file_bytes, is_zip
 from robot_retarget.formats.options import FormatOptions
 from robot_retarget.formats.sidecar import read_sidecar
 from robot_retarget.robot.model import Robot

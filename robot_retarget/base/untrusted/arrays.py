@@ -9,8 +9,7 @@ from typing import IO, Any
 import numpy as np
 
 from robot_retarget.base.errors import FileError
-from robot_retarget.base.untrusted.limits import BROKEN, LIMITS, refusing
-from robot_retarget.base.untrusted.unpack import is_zip, opened_member, opened_zip
+from robot_retarget.base.untrusted.limits import BROKEN, LIMITS, is_zip, opened_member, opened_zip, refusing
 
 PLAIN = "biufSU"
 """Letters of NumPy's kinds of numbers and text. Objects are pointers, and records may hold them."""

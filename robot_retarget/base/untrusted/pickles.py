@@ -19,8 +19,16 @@ import numpy as np
 
 from robot_retarget.base.errors import FileError
 from robot_retarget.base.untrusted.arrays import PLAIN, Head
-from robot_retarget.base.untrusted.limits import LIMITS, one_line, refusing, require_tree
-from robot_retarget.base.untrusted.unpack import is_zip, member_bytes, opened_zip, unpacked
+from robot_retarget.base.untrusted.limits import (
+    LIMITS,
+    is_zip,
+    member_bytes,
+    one_line,
+    opened_zip,
+    refusing,
+    require_tree,
+    unpacked,
+)
 
 PROTOCOL = 4
 """Protocol of written pickles: Python 3.4 and later read it."""

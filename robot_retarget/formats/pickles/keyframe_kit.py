@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.base.errors import TrajectoryError
+from robot_retarget.base.untrusted.limits import lz4_packed
 from robot_retarget.base.untrusted.pickles import dump_pickle
-from robot_retarget.base.untrusted.unpack import lz4_packed
 from robot_retarget.formats.bodies import body_tracks, motor_tracks, onward_velocities
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import TrajectoryFormat

@@ -13,7 +13,7 @@ import numpy as np
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import TrajectoryError
-from robot_retarget.base.untrusted.unpack import file_bytes
+from robot_retarget.base.untrusted.limits import file_bytes
 from robot_retarget.formats.bodies import body_tracks, velocities
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import TrajectoryFormat

@@ -5,7 +5,7 @@ from functools import cached_property
 from pathlib import Path
 
 from robot_retarget.base.untrusted.arrays import shape_of
-from robot_retarget.base.untrusted.unpack import zip_names
+from robot_retarget.base.untrusted.limits import zip_names
 
 HEAD = 8192
 """Length of the examined beginning [bytes]."""

@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from robot_retarget.base.errors import MotionError
-from robot_retarget.base.untrusted.unpack import member_bytes, opened_zip
+from robot_retarget.base.untrusted.limits import member_bytes, opened_zip
 from robot_retarget.human.capture import Capture
 from robot_retarget.human.readers.bvh.parse import captured
 from robot_retarget.human.readers.file_header import FileHeader

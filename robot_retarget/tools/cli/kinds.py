@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from robot_retarget.base.errors import UsageError
-from robot_retarget.base.untrusted.unpack import zip_names
+from robot_retarget.base.untrusted.limits import zip_names
 
 MODELS = (".xml", ".mjcf", ".urdf")
 MOTIONS = (".bvh", ".amc", ".asf", ".c3d", ".mvnx", ".trc", ".glb", ".gltf", ".vrma", ".fbx")

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.base.errors import MotionError
+from robot_retarget.base.untrusted.limits import ZLIB_MAGIC
 from robot_retarget.base.untrusted.pickles import load_pickle
-from robot_retarget.base.untrusted.unpack import ZLIB_MAGIC
 from robot_retarget.human.capture import Capture
 from robot_retarget.human.readers import positions, sam3d
 from robot_retarget.human.readers.file_header import FileHeader
