@@ -16,7 +16,7 @@ from robot_retarget.base.arrays import Floats, frozen
 from robot_retarget.base.errors import SceneError, TrajectoryError
 from robot_retarget.base.files import replacing
 from robot_retarget.base.pages import card, data_frame
-from robot_retarget.base.untrusted.fields import Field, read_fields
+from robot_retarget.base.untrusted.arrays import Field, read_fields
 from robot_retarget.scene.pack import FIELDS as SCENE_FIELDS
 from robot_retarget.scene.pack import arrays_of, scene_from
 from robot_retarget.scene.scene import Scene

@@ -10,7 +10,7 @@ from robot_retarget.actuators.feedback.law import FIELDS as FEEDBACK_FIELDS
 from robot_retarget.actuators.feedback.law import Feedback, has_all, read_feedback
 from robot_retarget.base.arrays import Floats, frozen
 from robot_retarget.base.errors import TrajectoryError
-from robot_retarget.base.untrusted.fields import Field
+from robot_retarget.base.untrusted.arrays import Field
 
 RATE = 125.0
 """Default rate of goals [1/s]."""

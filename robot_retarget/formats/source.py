@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.base.errors import FileError
-from robot_retarget.base.untrusted.arrays import load_npz
-from robot_retarget.base.untrusted.fields import rate_of
+from robot_retarget.base.untrusted.arrays import load_npz, rate_of
 from robot_retarget.base.untrusted.limits import LZ4_MAGIC, file_bytes, is_zip
 from robot_retarget.base.untrusted.pickles import load_pickle
 from robot_retarget.formats.options import FormatOptions

@@ -7,7 +7,7 @@ import numpy as np
 
 from robot_retarget.base.errors import MotionError
 from robot_retarget.base.files import replacing
-from robot_retarget.base.untrusted.fields import Field, read_fields
+from robot_retarget.base.untrusted.arrays import Field, read_fields
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.skeleton import Skeleton
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import SceneError
-from robot_retarget.base.untrusted.fields import Field
+from robot_retarget.base.untrusted.arrays import Field
 from robot_retarget.scene.scene import RigidBody, Scene
 from robot_retarget.scene.shape import BodyShape, ShapeKind
 

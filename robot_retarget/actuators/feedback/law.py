@@ -17,7 +17,7 @@ from robot_retarget.actuators.feedback.fusion import Fusion
 from robot_retarget.actuators.feedback.reading import Reading
 from robot_retarget.base.arrays import Floats, Ints, frozen
 from robot_retarget.base.errors import TrajectoryError
-from robot_retarget.base.untrusted.fields import Field
+from robot_retarget.base.untrusted.arrays import Field
 
 PREFIX = "feedback_"
 """Prefix of the keys in the trajectory file."""

@@ -9,8 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_retarget.base.untrusted.arrays import save_npz
-from robot_retarget.base.untrusted.fields import shaped
+from robot_retarget.base.untrusted.arrays import save_npz, shaped
 from robot_retarget.formats.bodies import body_tracks, velocities
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import TrajectoryFormat

@@ -12,8 +12,7 @@ import numpy as np
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import TrajectoryError
-from robot_retarget.base.untrusted.arrays import save_npz
-from robot_retarget.base.untrusted.fields import shaped
+from robot_retarget.base.untrusted.arrays import save_npz, shaped
 from robot_retarget.formats.bodies import body_tracks, central, turning, velocities
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import TrajectoryFormat

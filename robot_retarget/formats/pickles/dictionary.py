@@ -6,7 +6,7 @@ import numpy as np
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import FileError
-from robot_retarget.base.untrusted.fields import shaped
+from robot_retarget.base.untrusted.arrays import shaped
 
 
 def holds(value: Any, *keys: str) -> bool:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.base.untrusted.fields import rate_of
+from robot_retarget.base.untrusted.arrays import rate_of
 from robot_retarget.base.untrusted.pickles import dump_pickle
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import TrajectoryFormat

@@ -12,8 +12,8 @@ import numpy as np
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import TrajectoryError
+from robot_retarget.base.untrusted.arrays import shaped
 from robot_retarget.base.untrusted.documents import read_json
-from robot_retarget.base.untrusted.fields import shaped
 from robot_retarget.base.untrusted.tables import parquet, parquet_columns
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import TrajectoryFormat

@@ -10,8 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Bools, Floats, Ints
 from robot_retarget.base.errors import MotionError, known
-from robot_retarget.base.untrusted.arrays import load_arrays
-from robot_retarget.base.untrusted.fields import rate_of
+from robot_retarget.base.untrusted.arrays import load_arrays, rate_of
 from robot_retarget.human.capture import Capture
 from robot_retarget.human.kinematics import backward
 from robot_retarget.human.readers.file_header import FileHeader

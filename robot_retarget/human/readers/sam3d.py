@@ -14,8 +14,7 @@ import numpy as np
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import MotionError
-from robot_retarget.base.untrusted.arrays import load_npz
-from robot_retarget.base.untrusted.fields import rate_of
+from robot_retarget.base.untrusted.arrays import load_npz, rate_of
 from robot_retarget.human.capture import Capture
 from robot_retarget.human.readers.file_header import FileHeader
 from robot_retarget.human.readers.markers.labelled import LabelledPoints, captured

@@ -9,8 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import SceneError, known
-from robot_retarget.base.untrusted.arrays import load_npz
-from robot_retarget.base.untrusted.fields import rate_of, shaped
+from robot_retarget.base.untrusted.arrays import load_npz, rate_of, shaped
 from robot_retarget.base.untrusted.limits import refusing
 from robot_retarget.base.untrusted.pickles import load_pickle
 from robot_retarget.scene.formats import optitrack
