@@ -11,7 +11,7 @@ import numpy as np
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.untrusted.arrays import rate_of
-from robot_retarget.base.untrusted.torch_files import dump_torch
+from robot_retarget.base.untrusted.pickles import dump_torch
 from robot_retarget.formats.bodies import body_tracks, velocities
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import TrajectoryFormat
