@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.errors import TrajectoryError, UsageError, install_line
-from robot_retarget.base.untrusted.bags import MAGIC, bag_messages
+from robot_retarget.base.untrusted.tables import MAGIC, bag_messages
 from robot_retarget.formats.bodies import central
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import TrajectoryFormat

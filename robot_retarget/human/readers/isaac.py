@@ -11,7 +11,7 @@ import numpy as np
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import MotionError
-from robot_retarget.base.untrusted.bags import MAGIC, bag_messages
+from robot_retarget.base.untrusted.tables import MAGIC, bag_messages
 from robot_retarget.human.capture import Capture
 from robot_retarget.human.readers.file_header import FileHeader
 from robot_retarget.human.readers.headset import JOINTS, HeldBody
