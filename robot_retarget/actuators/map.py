@@ -19,8 +19,7 @@ from robot_retarget.actuators.control_tables import BAUDS, CENTRE, LAST_POSITION
 from robot_retarget.actuators.motors import TICKS_PER_TURN
 from robot_retarget.base.errors import ServoError, known
 from robot_retarget.base.files import MODELS as SHIPPED
-from robot_retarget.base.toml_lines import line_of
-from robot_retarget.base.untrusted.documents import parse_toml, read_text
+from robot_retarget.base.untrusted.documents import line_of, parse_toml, read_text
 
 TICKS_PER_RADIAN = TICKS_PER_TURN / tau
 

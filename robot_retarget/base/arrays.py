@@ -1,4 +1,4 @@
-"""Arrays that are checked once and never change, and directions."""
+"""Arrays that are checked once and never change, directions, and smooth ramps from 0 to 1 in unit time."""
 
 from typing import Any, TypeVar
 
@@ -69,8 +69,6 @@ def intervals(flags: Bools) -> list[tuple[int, int]]:
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
-
-# Smooth ramps from 0 to 1 in unit time.
 
 Values = TypeVar("Values", float, Floats)
 

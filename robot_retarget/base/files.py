@@ -154,8 +154,6 @@ def _umask() -> int:
     return mask
 
 
-# Folders of the shipped files: inside the installed package, or next to it in a checkout.
-
 _PACKAGE = Path(__file__).resolve().parents[1]
 
 

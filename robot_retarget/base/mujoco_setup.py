@@ -8,8 +8,6 @@ from importlib.metadata import PackageNotFoundError, version
 
 from robot_retarget.base.errors import RobotError
 
-# Refuse versions of MuJoCo that are too old or give wrong results, before MuJoCo is imported.
-
 OLDEST = (3, 12)
 WRONG = {
     "3.11.0": "it finds no distance between one pair of separate boxes in thirty",
@@ -43,8 +41,6 @@ def _numbers(found: str) -> tuple[int, ...]:
     parts = found.split(".")[:2]
     return tuple(int(part) if part.isdigit() else 10**6 for part in parts)
 
-
-# The environment variable MUJOCO_GL: a value that MuJoCo cannot use stops its import, so it is dropped before.
 
 VARIABLE = "MUJOCO_GL"
 OFF = ("disable", "disabled", "off", "false", "0")

@@ -1,4 +1,4 @@
-"""Pages from templates, cards of values for notebooks, and data frames for pandas."""
+"""Pages from templates, where text is escaped unless it is marked as HTML; cards of values for notebooks; data frames."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -6,8 +6,6 @@ from typing import Any
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import UsageError
-
-# Pages from templates: text is escaped unless it is marked as HTML.
 
 
 def rendered(template: Path, **facts: Any) -> str:
@@ -18,8 +16,6 @@ def rendered(template: Path, **facts: Any) -> str:
     pages = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     return pages.get_template(template.name).render(facts)
 
-
-# Cards of values for notebooks, and data frames for pandas.
 
 CARD = Path(__file__).with_name("card.html")
 

@@ -13,8 +13,7 @@ from robot_retarget.base.arrays import Floats, frozen
 from robot_retarget.base.errors import UsageError
 from robot_retarget.base.files import MODELS, write_text
 from robot_retarget.base.pages import card, data_frame
-from robot_retarget.base.report_file import FORMAT_VERSION, SEAL, content_sha256, sealed
-from robot_retarget.base.untrusted.documents import read_json
+from robot_retarget.base.untrusted.documents import FORMAT_VERSION, SEAL, content_sha256, read_json, sealed
 from robot_retarget.collision.warn import Warnings
 from robot_retarget.judge.feedback_figures import feedback_figures
 from robot_retarget.judge.figures import (

@@ -10,7 +10,7 @@ from typing import cast, get_args
 from robot_retarget.actuators.goals import Goals
 from robot_retarget.base.errors import UsageError
 from robot_retarget.base.progress import Count, Progress
-from robot_retarget.base.report_file import NAMES
+from robot_retarget.base.untrusted.documents import NAMES
 from robot_retarget.collision.warn import Warnings
 from robot_retarget.judge.bodies import Objects
 from robot_retarget.judge.compensate import compensated

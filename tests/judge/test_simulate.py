@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.base.errors import TrajectoryError, UsageError
-from robot_retarget.base.report_file import content_sha256
+from robot_retarget.base.untrusted.documents import content_sha256
 from robot_retarget.judge.rollout import plant_of, simulate
 from robot_retarget.judge.servo_model import drives_of
 from robot_retarget.judge.stepping import Playback

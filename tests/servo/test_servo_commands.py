@@ -16,7 +16,7 @@ from forked import run as call
 
 from robot_retarget.actuators.goals import Goals
 from robot_retarget.actuators.map import dump_map, load_map
-from robot_retarget.base.report_file import sealed
+from robot_retarget.base.untrusted.documents import sealed
 from robot_retarget.servo.bus import Bus
 from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory
 

@@ -15,7 +15,7 @@ from test_servo_commands import call
 from robot_retarget.actuators.goals import RATE, Goals
 from robot_retarget.actuators.map import Servo, ServoMap
 from robot_retarget.base.errors import ServoError, TrajectoryError
-from robot_retarget.base.report_file import sealed
+from robot_retarget.base.untrusted.documents import sealed
 from robot_retarget.judge.thresholds import Thresholds
 from robot_retarget.robot import load_robot
 from robot_retarget.servo.judgement import require_judged

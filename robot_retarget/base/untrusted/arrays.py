@@ -1,4 +1,4 @@
-"""NumPy's files, `.npy` and `.npz`: plain numbers and text, each array of the size that its head states."""
+"""NumPy's files, `.npy` and `.npz`, read as plain numbers and text of the size that their heads state, and checked as fields."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -147,8 +147,6 @@ def save_npz(path: Path, **arrays: Any) -> None:
         np.savez(stream, **arrays)
 
 
-# Arrays of a file, checked on reading: each field states its kind, shape and bounds.
-
 KINDS = {"number": "fiu", "integer": "iu", "text": "U"}
 """Kinds of fields, and the letters of their NumPy data types."""
 RATE_KEYS = ("fps", "motion_fps", "framerate", "frame_rate", "mocap_framerate", "mocap_frame_rate", "frequency")
@@ -186,10 +184,10 @@ def _checked(path: str | Path, arrays: Mapping[str, Any], fields: Mapping[str, F
         raise FileError(f"{path}: no key {missing[0]!r}; {known(arrays)}")
     sizes: dict[str, int] = {}
     found = {}
-    for name, field in fields.items():
+    for name, wanted in fields.items():
         if name in arrays:
-            found[name] = _fitted(f"{path}: {name}", arrays[name], field, sizes)
-            _require_bounds(f"{path}: {name}", found[name], field)
+            found[name] = _fitted(f"{path}: {name}", arrays[name], wanted, sizes)
+            _require_bounds(f"{path}: {name}", found[name], wanted)
     return found
 
 

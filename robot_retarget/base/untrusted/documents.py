@@ -1,7 +1,9 @@
-"""Text documents from files: TOML and JSON, with one error class for every fault."""
+"""TOML and JSON from files, with one error class for every fault; lines of TOML keys; the seal of `report.json`."""
 
+import hashlib
 import json
 import tomllib
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -77,3 +79,65 @@ def read_json(path: str | Path, error: Error) -> Any:
 
 def _integer(digits: str) -> int | float:
     return int(digits) if len(digits) <= _DIGITS else float(digits)
+
+
+def line_of(text: str, key: tuple[str, ...]) -> int | None:
+    """The line, from 1, of a dotted key, or of the nearest key or table around it; None for one that is not there."""
+    best, depth = None, 0
+    for number, path in _keys(text):
+        shared = len(path) if key[: len(path)] == path else 0
+        if shared > depth:
+            best, depth = number, shared
+    return best
+
+
+def _keys(text: str) -> Iterator[tuple[int, tuple[str, ...]]]:
+    """Lines that open a table or give a key, with the dotted key from the document's top."""
+    table: tuple[str, ...] = ()
+    for number, line in enumerate(text.splitlines(), 1):
+        bare = line.strip()
+        if bare.startswith("["):
+            table = _path(bare) or table
+            yield number, table
+        elif "=" in bare and (key := _path(f"{bare.partition('=')[0]} = 0")):
+            yield number, (*table, *key)
+
+
+def _path(line: str) -> tuple[str, ...]:
+    """Return the single key of a line of TOML; empty for a line that is no assignment."""
+    try:
+        value: Any = tomllib.loads(line)
+    except ValueError:
+        return ()
+    path: tuple[str, ...] = ()
+    while isinstance(value, dict) and len(value) == 1:
+        name, value = next(iter(value.items()))
+        path = (*path, name)
+    return path
+
+
+FORMAT_VERSION = 3
+"""1: of trajectories without goals. 2: without mode, thresholds and seal. `play` accepts only this one."""
+NAMES = {"free": "report.json", "pinned": "report.pinned.json"}
+"""File that `simulate` writes in each mode, next to the trajectory."""
+SEAL = "report_sha256"
+
+
+def sealed(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the content of a report with its own sha256 under `SEAL`.
+
+    Raises:
+        ValueError: a number is not finite.
+    """
+    plain = json.loads(json.dumps(content, allow_nan=False))
+    return {**plain, SEAL: content_sha256(plain)}
+
+
+def content_sha256(content: Mapping[str, Any]) -> str:
+    """Return the sha256 of a report's content without its seal: of its JSON with sorted keys and no spaces.
+
+    The seal shows that a report was edited. It holds no secret, so it does not show who wrote it.
+    """
+    plain = {key: value for key, value in content.items() if key != SEAL}
+    text = json.dumps(plain, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()

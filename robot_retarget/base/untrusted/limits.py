@@ -1,4 +1,4 @@
-"""The one table of limits of a file, and the one way in which a broken file is refused."""
+"""The one table of limits of a file, the one way in which a broken file is refused, and bytes of packed files within the limits."""
 
 import pickle
 import struct
@@ -104,8 +104,6 @@ def require_tree(value: Any, elements: int, limit: int = LIMITS.free) -> None:
         elif isinstance(one, int) and one.bit_length() > 64:
             raise ValueError(f"an integer of {one.bit_length()} bits")
 
-
-# The bytes of a file: plain, compressed by gzip, zlib or lz4, or a member of a zip, each within the file's limit.
 
 LZ4_MAGIC, GZIP_MAGIC = b"\x04\x22\x4d\x18", b"\x1f\x8b"
 ZLIB_MAGIC = (b"x\x01", b"x\x5e", b"x\x9c", b"x\xda")

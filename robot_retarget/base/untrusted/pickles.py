@@ -251,8 +251,6 @@ _STORAGES = {
 """Types of the numbers in a file of PyTorch."""
 
 
-# Files of PyTorch written without it: a zip of a pickle that describes tensors, and their numbers.
-
 _WRITTEN = {"f4": b"FloatStorage", "f8": b"DoubleStorage", "i8": b"LongStorage", "b1": b"BoolStorage"}
 _FOLDER = "archive"
 

@@ -9,8 +9,6 @@ import numpy as np
 from robot_retarget.base.errors import FileError, install_line
 from robot_retarget.base.untrusted.limits import LIMITS, one_line, refusing, too_large
 
-# Parquet tables from files, as columns (extra `tables`).
-
 NUMBER = 8
 """Of a number in memory [bytes]; equal ones take next to nothing in a file."""
 
@@ -48,8 +46,6 @@ def parquet_columns(path: Path, names: Sequence[str]) -> dict[str, np.ndarray]:
             raise ValueError(str(error)) from error
         return {name: np.array(table[name].to_pylist(), dtype=float) for name in table.column_names}
 
-
-# Messages of MCAP files (extra `formats`).
 
 MAGIC = b"\x89MCAP0\r\n"
 

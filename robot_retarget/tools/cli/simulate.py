@@ -41,7 +41,7 @@ class SimulateOptions(JudgeOptions, ServoOptions, TrajectoryOptions):
 def simulate(how: SimulateOptions, robot: RobotOptions, printing: PrintOptions) -> None:
     """Play a trajectory on simulated servos and pass a verdict; the goals that were judged are kept for `play`."""
     from robot_retarget.base.files import require_suffix, require_writable
-    from robot_retarget.base.report_file import NAMES
+    from robot_retarget.base.untrusted.documents import NAMES
     from robot_retarget.collision.warn import warnings_of
     from robot_retarget.judge.rollout import mode_of
     from robot_retarget.judge.rollout import simulate as roll_out
