@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from robot_retarget.base.arrays import JERK_PEAK, Bools, Floats, Ints
 from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.human.motion import Motion
-from robot_retarget.human.stature import leg_length
+from robot_retarget.human.recognition.recognise import leg_length
 
 SLIP = 0.04
 """A foot may be this far from its place at a seam without a step [leg lengths]: a centimetre on a leg of 25 cm."""

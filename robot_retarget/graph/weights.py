@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field, fields, replace
 
 from robot_retarget.base.errors import UsageError, known
-from robot_retarget.human.normalisation import NEAR
+from robot_retarget.human.match import NEAR
 
 BLEND = 5.0
 """Factor between two presets [-]."""

@@ -16,8 +16,7 @@ from scipy.spatial.transform import Rotation
 from robot_retarget.base.arrays import Floats, intervals, unit
 from robot_retarget.contact.rule import JOINTS, standing
 from robot_retarget.human.capture import Capture
-from robot_retarget.human.recognition.recognise import Recognition
-from robot_retarget.human.stature import leg_length
+from robot_retarget.human.recognition.recognise import Recognition, leg_length
 
 ROUNDS = 3
 """Stances are found again with the vertical that the ones before gave."""

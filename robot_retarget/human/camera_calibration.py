@@ -8,11 +8,10 @@ import numpy as np
 
 from robot_retarget.base.arrays import Floats, unit
 from robot_retarget.base.keypoints import ARM, LEG, SIDES
-from robot_retarget.human.recognition.recognise import Recognition
+from robot_retarget.human.recognition.recognise import Recognition, leg_length
 from robot_retarget.human.repair.repair import RepairRule
 from robot_retarget.human.repair.sentences import span
 from robot_retarget.human.repair.steps import excess
-from robot_retarget.human.stature import leg_length
 
 HELD = 0.3
 """Least duration of a calibration pose [s] ..."""

@@ -5,16 +5,204 @@ from functools import cached_property
 
 import numpy as np
 
-from robot_retarget.base.arrays import Bools, Floats
-from robot_retarget.contact.feet import contact_schedule, on_soles
-from robot_retarget.contact.rule import JOINTS, without_flicker
-from robot_retarget.human.activity import Activity, ActivityRule, activity_of, is_flying, is_supported
-from robot_retarget.human.calibration import Calibration, calibrate
-from robot_retarget.human.ground import floor_under
+from robot_retarget.base.arrays import Bools, Floats, Ints, intervals
+from robot_retarget.base.errors import BalanceError
+from robot_retarget.contact.feet import contact_schedule, high_feet, on_soles
+from robot_retarget.contact.rule import JOINTS, lowest_over_time, without_flicker
 from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion
-from robot_retarget.human.segments import facing, heading
+from robot_retarget.human.segments import (
+    FEET,
+    carrying_joint,
+    facing,
+    heading,
+    matrices_of,
+    segment_constants,
+    untwisted,
+    visible_segments,
+)
 from robot_retarget.human.touches import Surroundings, surroundings_of
+
+# Activity of the feet: in place, stepping, flight, or supported by an object that the robot does not have.
+
+IN_PLACE, STEPPING, FLIGHT, SUPPORTED = "in place", "stepping", "flight", "supported"
+
+
+@dataclass(frozen=True)
+class ActivityRule:
+    """Thresholds; lengths in leg lengths of the human."""
+
+    brief: float = 0.1
+    """Activities with a smaller share of the time are ignored [-]: single steps in place, brief support."""
+    low: float = 0.62
+    """A supported human has the pelvis lower than this share of its usual height [-] ..."""
+    seat_offset: float = 0.3
+    """... and farther from the middle of the feet along the floor than this: on a chair, or on hands."""
+
+
+@dataclass(frozen=True)
+class Activity:
+    """Activity of a human, and its longest interval."""
+
+    kind: str
+    """`in place`, `stepping`, `flight` or `supported`."""
+    since: float = 0.0
+    until: float = 0.0
+    """Longest flight or support [s]."""
+
+
+def activity_of(supported: Bools, flying: Bools, contacts: dict[str, Bools], fps: float) -> Activity:
+    """Classify the activity; a body without two feet is in place.
+
+    Args:
+        supported: (T,) whether something else than the feet holds the body up.
+        flying: (T,) whether both feet are in the air.
+    """
+    brief = ActivityRule().brief
+    if len(contacts) < 2:
+        return Activity(IN_PLACE)
+    if supported.mean() > brief:
+        return _longest(SUPPORTED, supported, fps)
+    if any((stop - start) / fps > JOINTS.flight for start, stop in intervals(flying)):
+        return _longest(FLIGHT, flying, fps)
+    planted = [foot.any(axis=1) for foot in contacts.values()]
+    return Activity(IN_PLACE if np.logical_and.reduce(planted).mean() >= 1 - brief else STEPPING)
+
+
+def require_own_feet(activity: Activity) -> None:
+    """Refuse a motion that needs a support the robot does not have.
+
+    Raises:
+        BalanceError: the human is supported.
+    """
+    if activity.kind == SUPPORTED:
+        raise BalanceError(
+            f"something that the robot does not have holds the human up (a chair, hands on the floor), longest from "
+            f"{activity.since:.1f} to {activity.until:.1f} s: a robot that stands free cannot play that; keep both feet on "
+            "the floor (legs 'stand'), or do without balance (balance 'off')"
+        )
+
+
+def is_supported(x: Floats, match: Match, rule: ActivityRule) -> Bools:
+    """Return (T,) whether the pelvis of keypoints (T, K, 3) [m] is low and far from over the feet."""
+    if not {"pelvis", "l_ankle", "r_ankle"} <= set(match.keypoints):
+        return np.zeros(len(x), dtype=bool)
+    x = x / match.human_leg
+    pelvis, ankles = x[:, match.index("pelvis")], x[:, [match.index(k) for k in ("l_ankle", "r_ankle")]]
+    beside = np.linalg.norm(pelvis[:, :2] - ankles.mean(axis=1)[:, :2], axis=1)
+    return (pelvis[:, 2] < rule.low * -JOINTS.floor_height(-pelvis[:, 2])) & (beside > rule.seat_offset)
+
+
+def is_flying(x: Floats, match: Match, fps: float) -> Bools:
+    """Return (T,) whether both feet of keypoints (T, K, 3) [m] are in the air."""
+    parts = [match.index(k) for k in ("l_ankle", "r_ankle", "l_toe", "r_toe") if k in match.keypoints]
+    return high_feet(x[:, parts, 2] / match.human_leg, fps) if parts else np.zeros(len(x), dtype=bool)
+
+
+def _longest(kind: str, flags: np.ndarray, fps: float) -> Activity:
+    start, stop = max(intervals(flags), key=lambda span: span[1] - span[0])
+    return Activity(kind, start / fps, stop / fps)
+
+
+# The floor under the human, and its drift in captures without a fixed reference.
+
+DRIFT = 0.1
+"""A floor whose height varies by less is level [leg lengths]."""
+
+
+def floor_under(positions: Floats, match: Match, fps: float) -> Floats:
+    """Return the height (T,) of the floor [m]; 0 where the source knows its floor.
+
+    The floor is the lowest foot of the clip. Heights of inertial captures drift: there the floor of each frame is the lowest
+    point of the body within `WINDOW` to either side, smoothed. This also removes steps and stairs.
+
+    Args:
+        positions: (T, K, 3) keypoints [m].
+        match: keypoints that human and robot share.
+        fps: frames per second [1/s].
+    """
+    if match.recognition.ankle_height is not None:
+        return np.zeros(len(positions))
+    z, lowest = positions[:, :, 2], lowest_over_time(positions[:, :, 2], fps)
+    feet = [k for k, name in enumerate(match.keypoints) if name.endswith(("ankle", "toe"))]
+    level = JOINTS.floor_height(z[:, feet].min(axis=1)) if feet else z.min()
+    return np.full_like(lowest, level) if np.ptp(lowest) < DRIFT * match.human_leg else lowest
+
+
+# The constants of one performer: how joints become keypoints over a floor, and axes of segments.
+#
+# A clip fits them to all its frames, a stream to its calibration frames; both then read frames by the same `Calibration`.
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """Constants of one performer, matched with one robot."""
+
+    match: Match
+    weights: Floats
+    """(K, J) shares of the joints in the keypoints."""
+    floor: float
+    """Height of the floor in the source [m]."""
+    segment_names: tuple[str, ...]
+    constants: Floats
+    """(S, 3, 3) from the measured axes of each segment to its forward, left and up."""
+    joints: Ints
+    """(S,) joint that turns each segment; empty where the source has no rotations."""
+
+    @cached_property
+    def _legs(self) -> tuple[Ints, Ints]:
+        """The columns of feet on whole legs among the segments, and of hip, knee and ankle (F, 3) among the keypoints."""
+        known = self.match.keypoints
+        if self.match.recognition.segments:
+            return np.zeros(0, dtype=np.int64), np.zeros((0, 3), dtype=np.int64)
+        legs = {name: [f"{name[0]}_{k}" for k in ("hip", "knee", "ankle")] for name in FEET}
+        whole = [name for name in FEET if name in self.segment_names and set(legs[name]) <= set(known)]
+        columns = [[known.index(k) for k in legs[name]] for name in whole]
+        own = [self.segment_names.index(name) for name in whole]
+        return np.array(own, dtype=np.int64), np.array(columns, dtype=np.int64)
+
+    def named(self, axes: Floats) -> dict[str, Floats]:
+        """Return axes (T, S, 3, 3) by the name of the segment."""
+        return {name: axes[:, k] for k, name in enumerate(self.segment_names)}
+
+    def axes(self, x: Floats, rotations: Floats | None) -> Floats:
+        """Return the axes (T, S, 3, 3) of every segment.
+
+        Args:
+            x: (T, K, 3) keypoints [m].
+            rotations: (T, J, 4) of the joints, w x y z, or None.
+        """
+        if not self.segment_names:
+            return np.zeros((len(x), 0, 3, 3))
+        if len(self.joints) and rotations is not None:
+            measured = matrices_of(rotations.take(self.joints, axis=1))
+        else:
+            visible = visible_segments(self.match.named(x))
+            measured = np.stack([visible[name] for name in self.segment_names], axis=1)
+        axes = measured @ self.constants
+        feet, legs = self._legs
+        if len(feet):
+            axes[:, feet] = untwisted(axes.take(feet, axis=1), x.take(legs, axis=1))
+        return axes
+
+
+def calibrate(motion: Motion, match: Match, x: Floats, floor: Floats, contacts: dict[str, Bools]) -> Calibration:
+    """Fit the constants of a performer to a motion.
+
+    Args:
+        x: (T, K, 3) keypoints over level ground [m].
+        floor: (T,) its height in the source [m].
+    """
+    constants = segment_constants(motion, match, x, floor, contacts)
+    turning = () if motion.rotations is None else tuple(carrying_joint(motion, match, name) for name in constants)
+    return Calibration(
+        match,
+        match.weights(len(motion.skeleton)),
+        float(np.median(floor)),
+        tuple(constants),
+        np.array(list(constants.values())).reshape(-1, 3, 3),
+        np.array(turning, dtype=np.int64),
+    )
 
 
 @dataclass(frozen=True, eq=False)

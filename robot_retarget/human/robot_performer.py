@@ -9,9 +9,9 @@ from robot_retarget.contact.feet import sole_schedule
 from robot_retarget.contact.rule import SOLES
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.recognition import Mark, Recognition
-from robot_retarget.human.rotations import TURNED_BY
+from robot_retarget.human.recognition.recognise import leg_length
+from robot_retarget.human.segments import TURNED_BY
 from robot_retarget.human.skeleton import Skeleton
-from robot_retarget.human.stature import leg_length
 from robot_retarget.robot import Anatomy, Robot, recognise_with, world_points
 from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.robot.timing import require_same_robot

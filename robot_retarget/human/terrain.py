@@ -12,7 +12,7 @@ import numpy as np
 
 from robot_retarget.base.arrays import Floats, intervals
 from robot_retarget.contact.rule import JOINTS, speed_of
-from robot_retarget.human.activity import ActivityRule, is_supported
+from robot_retarget.human.features import ActivityRule, is_supported
 from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.surroundings import with_scene

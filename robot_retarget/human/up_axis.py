@@ -13,9 +13,8 @@ from scipy.ndimage import correlate1d
 from robot_retarget.base.arrays import ALIGNED, Floats, unit
 from robot_retarget.contact.rule import JOINTS
 from robot_retarget.human.capture import Capture
-from robot_retarget.human.recognition.recognise import Recognition
+from robot_retarget.human.recognition.recognise import Recognition, leg_length
 from robot_retarget.human.skeleton import Skeleton
-from robot_retarget.human.stature import leg_length
 
 AXES = ("+x", "+y", "+z", "-x", "-y", "-z")
 CUSTOM = ("+y", "+z", "+x", "-x", "-y", "-z")

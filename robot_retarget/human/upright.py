@@ -13,9 +13,8 @@ from robot_retarget.human.capture import Capture
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.performers import one_performer
 from robot_retarget.human.readers.request import Request
-from robot_retarget.human.recognition.recognise import Recognition, recognise
+from robot_retarget.human.recognition.recognise import LEG, Recognition, leg_length, recognise, stature
 from robot_retarget.human.repair import FootingRule, RepairRule, footing, repaired
-from robot_retarget.human.stature import LEG, leg_length, stature
 from robot_retarget.human.up_axis import AXES, UpAxisRule, find_up_axis
 
 UNITS = {

@@ -10,9 +10,9 @@ from robot_retarget.graph.interaction import pair_gradient as pair_gradient
 from robot_retarget.graph.interaction import pair_interaction as pair_interaction
 from robot_retarget.graph.objective import Objective as Objective
 from robot_retarget.graph.status import Status as Status
-from robot_retarget.human.normalisation import normalised_distances as normalised_distances
-from robot_retarget.human.normalisation import path_priorities as path_priorities
-from robot_retarget.human.normalisation import path_weights as path_weights
+from robot_retarget.human.match import normalised_distances as normalised_distances
+from robot_retarget.human.match import path_priorities as path_priorities
+from robot_retarget.human.match import path_weights as path_weights
 from robot_retarget.papers.body import posture_cases as posture_cases
 from robot_retarget.papers.body import resized as resized
 from robot_retarget.papers.body import table_one_body as table_one_body

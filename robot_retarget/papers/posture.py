@@ -16,7 +16,7 @@ from robot_retarget.base.arrays import Bools, Floats, Ints
 from robot_retarget.base.errors import GraphError, UsageError, known
 from robot_retarget.graph.interaction import Interaction, interaction_distance
 from robot_retarget.graph.track import Track
-from robot_retarget.human.normalisation import NEAR, normalised_distances, path_priorities, path_weights
+from robot_retarget.human.match import NEAR, normalised_distances, path_priorities, path_weights
 from robot_retarget.papers.build import edge_track, empty
 from robot_retarget.papers.edges import BONE, INTERACTION, POSTURE, PointKind
 from robot_retarget.papers.points import PointGraph

@@ -17,7 +17,7 @@ None where the clip has no contact. Source: contact preservation as in OmniRetar
 
 import numpy as np
 
-from robot_retarget.human.normalisation import NEAR
+from robot_retarget.human.match import NEAR
 from robot_retarget.scores.figure import Figure, Value, measures
 from robot_retarget.scores.subject import Subject
 

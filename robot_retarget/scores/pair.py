@@ -10,9 +10,8 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Floats, unit
-from robot_retarget.human.match import Match, match_bodies, recognition_with
+from robot_retarget.human.match import Match, match_bodies, path_weights, recognition_with
 from robot_retarget.human.motion import Motion
-from robot_retarget.human.normalisation import path_weights
 from robot_retarget.robot import Anatomy, Points, Robot, override, recognise_with, world_points
 from robot_retarget.trajectory import Trajectory
 

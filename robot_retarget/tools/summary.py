@@ -12,7 +12,7 @@ from robot_retarget.graph.track import HARD, Track
 from robot_retarget.human.features import features_of
 from robot_retarget.human.match import match
 from robot_retarget.human.motion import Motion
-from robot_retarget.human.stature import leg_length, stature
+from robot_retarget.human.recognition.recognise import leg_length, stature
 from robot_retarget.human.terrain import with_terrain
 from robot_retarget.robot import Robot
 from robot_retarget.robot import recognise as recognise_robot

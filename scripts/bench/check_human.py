@@ -21,7 +21,7 @@ from robot_retarget.human.motion import Motion
 from robot_retarget.human.readers.request import Request
 from robot_retarget.human.readers.table import format_of
 from robot_retarget.human.recognition import Recognition, recognise
-from robot_retarget.human.stature import leg_length
+from robot_retarget.human.recognition.recognise import leg_length
 from robot_retarget.human.upright import turn_to_z, upright
 
 KEPT, SAID, SILENT = "kept", "said", "silent"

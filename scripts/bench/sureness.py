@@ -18,8 +18,8 @@ from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import RobotRetargetError
 from robot_retarget.base.keypoints import KEYPOINTS
 from robot_retarget.human.recognition import Recognition, recognise
+from robot_retarget.human.recognition.recognise import leg_length
 from robot_retarget.human.skeleton import Skeleton
-from robot_retarget.human.stature import leg_length
 
 BINS = (0.0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.001)
 SAME = 0.05

@@ -27,8 +27,7 @@ from robot_retarget.graph.footholds import (
 from robot_retarget.graph.phase import SolvedPhase
 from robot_retarget.graph.soles import HEEL, TOE, flattened, lengths
 from robot_retarget.graph.track import HARD
-from robot_retarget.human.features import features_of
-from robot_retarget.human.ground import floor_under
+from robot_retarget.human.features import features_of, floor_under
 from robot_retarget.human.match import match
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import read_motion

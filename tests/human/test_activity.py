@@ -9,8 +9,7 @@ from shared_files import SHARED, needs_shared
 import robot_retarget as rr
 from robot_retarget.base.errors import BalanceError
 from robot_retarget.base.files import SAMPLES
-from robot_retarget.human.activity import Activity
-from robot_retarget.human.features import features_of
+from robot_retarget.human.features import Activity, features_of
 
 BVH = SHARED / "motions/bvh"
 OP3 = rr.load_robot("op3")

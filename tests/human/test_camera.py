@@ -12,7 +12,7 @@ from robot_retarget.base.errors import MotionError, UsageError
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import read_motion
 from robot_retarget.human.recognition import recognise
-from robot_retarget.human.stature import stature
+from robot_retarget.human.recognition.recognise import stature
 
 INDEX = {
     "l_shoulder": 5, "r_shoulder": 6, "l_elbow": 7, "r_elbow": 8, "l_hip": 9, "r_hip": 10, "l_knee": 11, "r_knee": 12,

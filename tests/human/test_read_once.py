@@ -13,9 +13,9 @@ from robot_retarget.base.files import SAMPLES
 MOST = {
     "human/recognition/recognise.py:recognise": 1,
     "human/match.py:human_positions": 2,
-    "human/ground.py:floor_under": 1,
+    "human/features.py:floor_under": 1,
     "contact/feet.py:contact_schedule": 1,
-    "human/calibration.py:calibrate": 1,
+    "human/features.py:calibrate": 1,
     "human/recognition/recognise.py:place": 8,
 }
 """Calls from file to likeness; the reader places keypoints again after each repair."""

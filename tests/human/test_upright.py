@@ -17,7 +17,7 @@ from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import read_motion
 from robot_retarget.human.readers.bvh import read_bvh
 from robot_retarget.human.recognition import recognise
-from robot_retarget.human.stature import leg_length, stature
+from robot_retarget.human.recognition.recognise import leg_length, stature
 from robot_retarget.human.upright import AXES, UNITS, turn_to_z, upright
 
 VARIED = (

@@ -7,7 +7,7 @@ import pytest
 from small_graphs import graph_of
 
 from robot_retarget.base.errors import GraphError
-from robot_retarget.human.normalisation import paths
+from robot_retarget.human.match import paths
 from robot_retarget.papers import (
     adapt,
     admits,

@@ -12,8 +12,8 @@ import robot_retarget as rr
 from robot_retarget.base.errors import SceneError
 from robot_retarget.graph.placed_scene import PlacedScene, placed_scene
 from robot_retarget.graph.status import Status
-from robot_retarget.human.live_scene import LiveScene
 from robot_retarget.human.match import match
+from robot_retarget.human.surroundings import LiveScene
 from robot_retarget.human.terrain import with_terrain
 from robot_retarget.live.faults import FaultCounter
 from robot_retarget.live.protocols.lines import LineDecoder, line_of, skeleton_line

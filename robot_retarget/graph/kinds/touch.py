@@ -14,7 +14,7 @@ from robot_retarget.graph.kinds.posture import KeypointPairs, distances
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
 from robot_retarget.graph.weights import RAMP
 from robot_retarget.human.features import HumanFeatures
-from robot_retarget.human.normalisation import path_weights
+from robot_retarget.human.match import path_weights
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -6,18 +6,61 @@ works in any unit and any axes, on the names of any exporter, and with less cert
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from math import fsum
 from typing import Any
 
 import numpy as np
 
-from robot_retarget.base.arrays import Floats
+from robot_retarget.base.arrays import ALIGNED, Floats, unit
 from robot_retarget.base.errors import MatchError, known
 from robot_retarget.base.keypoints import KEYPOINTS, SIDES
-from robot_retarget.human.recognition.human_check import refuse_other_than_human
 from robot_retarget.human.recognition.limbs import LIMBS, Limb, LimbPair, PosedSkeleton, find_limbs
-from robot_retarget.human.recognition.sides import HEEL, SURE, named_leftness, same_side_first, votes
-from robot_retarget.human.recognition.trunk import find_trunk
+from robot_retarget.human.recognition.trunk import HEEL, SURE, find_trunk, named_leftness, same_side_first, votes
 from robot_retarget.human.skeleton import Skeleton
+
+# Whether a body with two legs and two arms is a human one.
+
+ARM_TO_LEG = (0.35, 1.3)
+FOUR_LEGGED_ARM = 0.85
+"""Arms of at least this share of the legs can be forelegs; a human on hands and knees has 0.5 … 0.75."""
+
+
+def refuse_other_than_human(body: PosedSkeleton, legs: LimbPair, arms: LimbPair) -> None:
+    """Check proportions and posture.
+
+    Raises:
+        MatchError: with the reason.
+    """
+    tails = [
+        body.skeleton.names[k] for pair in (legs, arms) for limb in pair.sides for k in limb.joints if _tail(body, k)
+    ]
+    if tails:
+        raise MatchError(f"not a human body: {tails[0]!r}, which would be in a limb, is called a tail")
+    (low, high), ratio = ARM_TO_LEG, arms.length / legs.length
+    if not low <= ratio <= high:
+        raise MatchError(f"not a human body: arms measure {ratio:.2f} of the legs, a human's {low} to {high}")
+    forelegs = arms.length > FOUR_LEGGED_ARM * legs.length or any(_tail(body, k) for k in range(len(body.evidence)))
+    if forelegs and four_legged(body, legs, arms) > 0.5:
+        raise MatchError(
+            "not a human body: hands bear weight like feet, hips and shoulders at the same height (a quadruped)"
+        )
+
+
+def four_legged(body: PosedSkeleton, legs: LimbPair, arms: LimbPair) -> float:
+    """Share of the frames in which arms and legs are parallel and the trunk lies across them."""
+    hips, shoulders = body.at(legs, 0).mean(axis=1), body.at(arms, 0).mean(axis=1)
+    leg, arm = body.at(legs, 2).mean(axis=1) - hips, body.at(arms, 2).mean(axis=1) - shoulders
+    return float(np.mean((_cosine(leg, arm) > ALIGNED) & (np.abs(_cosine(leg, shoulders - hips)) < ALIGNED)))
+
+
+def _tail(body: PosedSkeleton, joint: int) -> bool:
+    return "tail" in body.evidence[joint].parts
+
+
+def _cosine(u: Floats, v: Floats) -> Floats:
+    return np.einsum("fi,fi->f", unit(u), unit(v))
+
 
 _WORD = {"chest": "spine"}
 """Keypoints whose part has another name in `joint_names`."""
@@ -210,3 +253,44 @@ def _mark(body: PosedSkeleton, part: str, joint: int, why: str, certainty: float
     alone = SILENT / (1 + np.exp(-LEAD * lead))
     sure = 1 - (1 - agreement) * (1 - alone) if agreement > 0 else alone * (1 + agreement)
     return Mark((joint,), round(float(certainty * sure), 3), f"{body.skeleton.names[joint]!r}: {why}; {says}")
+
+
+# The stature of a recognised body, in the unit of its positions.
+
+LEG = 0.83
+"""Hip to ankle of an adult of 1.70 m [m]."""
+_HIP_TO_ANKLE = 0.491
+_ANKLE_TO_HEAD = 0.86
+"""Shares of the stature: thigh and shank [Winter2009], and ankle to head joint with the back's bones laid end to end."""
+
+
+def leg_length(recognition: Recognition, positions: Floats) -> float:
+    """Hip to knee to ankle, the mean of both legs.
+
+    Args:
+        positions: (T, J, 3) of the joints [any unit].
+    """
+    bones = [
+        _length(recognition, positions, *(f"{side}_{part}" for part in ("hip", "knee", "ankle"))) for side in SIDES
+    ]
+    return sum(bones) / len(bones)
+
+
+def stature(recognition: Recognition, positions: Floats) -> float:
+    """Legs and spine end to end over their share of the stature; from the legs alone for a body without a head.
+
+    Args:
+        positions: (T, J, 3) of the joints [any unit].
+    """
+    leg = leg_length(recognition, positions)
+    if "head" not in recognition.marks:
+        return leg / _HIP_TO_ANKLE
+    spine = [keypoint for keypoint in ("pelvis", "chest", "neck", "head") if keypoint in recognition.marks]
+    return (leg + _length(recognition, positions, *spine)) / _ANKLE_TO_HEAD
+
+
+def _length(recognition: Recognition, positions: Floats, *path: str) -> float:
+    """Median length of a path over keypoints."""
+    points = [positions[:, list(recognition.marks[keypoint].joints)].mean(axis=1) for keypoint in path]
+    steps = [np.linalg.norm(b - a, axis=1) for a, b in pairwise(points)]
+    return fsum(np.median(step) for step in steps)  # `sum` rounds otherwise from Python 3.12 on

@@ -6,8 +6,7 @@ import numpy as np
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.contact.rule import JOINTS, ContactRule, lowest_over_time, speed_of
-from robot_retarget.human.recognition.recognise import Recognition
-from robot_retarget.human.stature import leg_length
+from robot_retarget.human.recognition.recognise import Recognition, leg_length
 
 FEET = ("l_ankle", "r_ankle", "l_toe", "r_toe")
 

@@ -6,13 +6,12 @@ import numpy as np
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.human.capture import Capture
-from robot_retarget.human.recognition.recognise import Recognition
+from robot_retarget.human.recognition.recognise import Recognition, leg_length
 from robot_retarget.human.repair.gaps import bridged, gaps, limbs_of
 from robot_retarget.human.repair.noise import NoiseRule, noise_of, smoothed
 from robot_retarget.human.repair.sentences import Defect, sentences
 from robot_retarget.human.repair.smoothness import REFUSED, is_smoother
 from robot_retarget.human.repair.steps import JumpRule, body_jumps, limb_jumps
-from robot_retarget.human.stature import leg_length
 
 TRUNK = ("pelvis", "chest", "neck", "l_hip", "r_hip", "l_shoulder", "r_shoulder")
 TORN = "look at it, or cut the clip there (--frames)"

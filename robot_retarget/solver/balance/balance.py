@@ -14,7 +14,7 @@ from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import BalanceError, UsageError, known
 from robot_retarget.base.progress import Count, Progress
 from robot_retarget.graph.describe import RobotGraph, graph_from
-from robot_retarget.human.activity import require_own_feet
+from robot_retarget.human.features import require_own_feet
 from robot_retarget.human.resample import at_frames
 from robot_retarget.robot import Robot
 from robot_retarget.scene.ground import SolidGround

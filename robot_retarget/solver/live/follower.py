@@ -11,8 +11,7 @@ from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.footholds import placed_feet
 from robot_retarget.graph.path import RootScaling, root_scaling_of
 from robot_retarget.graph.status import Status
-from robot_retarget.human.causal import CausalFeatures
-from robot_retarget.human.causal_touches import CausalSurroundings
+from robot_retarget.human.causal import CausalFeatures, CausalSurroundings
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.robot.feet import CORNERS, sole_corners, together
 from robot_retarget.robot.kinematics import PlacedPoints

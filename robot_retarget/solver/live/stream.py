@@ -17,10 +17,10 @@ from robot_retarget.graph.kind import Kind
 from robot_retarget.graph.kinds import stream_kinds
 from robot_retarget.graph.status import Status
 from robot_retarget.graph.weights import Weights
-from robot_retarget.human.live_scene import LiveScene
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import as_motion
 from robot_retarget.human.skeleton import Skeleton
+from robot_retarget.human.surroundings import LiveScene
 from robot_retarget.robot import Robot, as_robot
 from robot_retarget.scene import Scene, read_scene
 from robot_retarget.solver.honoured import require_kinds

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.base.arrays import Floats
-from robot_retarget.human.live_scene import first_frame
+from robot_retarget.human.surroundings import first_frame
 from robot_retarget.robot.model import Robot
 from robot_retarget.scene.scene import Scene
 from robot_retarget.tools.view.web.page import Viewer
