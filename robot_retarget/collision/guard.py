@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from robot_retarget.base.arrays import Floats, Ints
 from robot_retarget.base.errors import UsageError
 from robot_retarget.robot import Robot
+from robot_retarget.robot.distances import Separation
 from robot_retarget.robot.kinematics import carrying
-from robot_retarget.robot.separation import Separation
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ at a configuration q, the interaction distance over a horizon of H steps is
 
     D = min_{0 ≤ k ≤ H} d(q + k v),    α = 1 + the k of the minimum.
 
-The minimum includes fractions of a step where a hinge turns by more than `robot.swept.TURN` in it. A pair is flagged while
+The minimum includes fractions of a step where a hinge turns by more than `robot.kinematics.TURN` in it. A pair is flagged while
 D is at most the margin and the links approach, or when they overlap now or on the way since the previous step. A flag is held for the
 release time, so that it does not flicker. A link and a body of a scene are flagged while the link is about to be deeper in
 the body than a touch; bodies continue with their last step as well. A stretch of flagged frames is an event. Everything at a frame depends on this
@@ -27,7 +27,7 @@ from robot_retarget.collision.events import Event, events_of
 from robot_retarget.robot import Robot
 from robot_retarget.robot.body_distances import BodyPairs
 from robot_retarget.robot.distances import LinkDistances
-from robot_retarget.robot.swept import parts_between
+from robot_retarget.robot.kinematics import parts_between
 from robot_retarget.robot.timing import require_same_robot
 from robot_retarget.scene.scene import Scene, extrapolated
 from robot_retarget.trajectory import Trajectory

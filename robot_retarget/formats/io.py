@@ -16,9 +16,8 @@ from robot_retarget.formats.sidecar import sidecar_path, sidecar_text
 from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.formats.table import FORMATS
 from robot_retarget.formats.unsupported import unsupported
-from robot_retarget.robot.catalog import as_robot
+from robot_retarget.robot.catalog import Played, as_robot, on_robot
 from robot_retarget.robot.model import Robot
-from robot_retarget.robot.played import Played, on_robot
 from robot_retarget.robot.timing import resample
 from robot_retarget.trajectory import Trajectory
 from robot_retarget.trajectory import load_trajectory as load_native

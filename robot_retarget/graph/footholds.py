@@ -17,7 +17,7 @@ from robot_retarget.graph.soles import HEEL, TOE, flattened, lengths, raised, tu
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Points, Robot, world_points
-from robot_retarget.robot.feet import CORNERS, sole_corners
+from robot_retarget.robot.support import CORNERS, sole_corners
 from robot_retarget.scene.scene import as_pose, composed, inverse
 
 STEP = 2

@@ -16,8 +16,8 @@ from robot_retarget.base.errors import GraphError, known
 from robot_retarget.graph.role import FRAME
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Points, Robot
-from robot_retarget.robot.feet import CORNER_NAMES, sole_corners
 from robot_retarget.robot.kinematics import Bodies, carrying, mass_shares
+from robot_retarget.robot.support import CORNER_NAMES, sole_corners
 
 SAMPLES = 6
 """Number of configurations at which entries must agree to count as the same."""

@@ -7,8 +7,7 @@ from robot_retarget.base.arrays import Bools, Floats, cross, lengths, unit
 from robot_retarget.base.keypoints import ARM
 from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion
-from robot_retarget.robot.axes import BENT, snapped_to_axes
-from robot_retarget.robot.hands import hand_frames
+from robot_retarget.robot.facing import BENT, hand_frames, snapped_to_axes
 
 # Rotations of the source's joints, and the constant between a joint and its segment.
 

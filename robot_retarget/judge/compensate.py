@@ -23,8 +23,8 @@ from robot_retarget.judge.plant import Mode, Plant, limb_inertia
 from robot_retarget.judge.torque_limited_reference import torque_limited_reference
 from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.dynamics import ground_push
-from robot_retarget.robot.feet import feet_of
 from robot_retarget.robot.model import FREE
+from robot_retarget.robot.support import feet_of
 from robot_retarget.trajectory import Trajectory
 
 SMOOTHING = 0.02

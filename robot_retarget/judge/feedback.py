@@ -19,8 +19,8 @@ from robot_retarget.actuators.map import ServoMap
 from robot_retarget.base.arrays import Floats
 from robot_retarget.judge.plant import Plant
 from robot_retarget.robot.dynamics import root_dofs
-from robot_retarget.robot.feet import feet_of
 from robot_retarget.robot.model import Robot
+from robot_retarget.robot.support import feet_of
 from robot_retarget.robot.timing import sample
 from robot_retarget.trajectory import Trajectory
 

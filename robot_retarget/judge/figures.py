@@ -10,8 +10,8 @@ from robot_retarget.judge.load import load_figures
 from robot_retarget.judge.plant import Plant
 from robot_retarget.judge.stepping import Rollout
 from robot_retarget.robot.contacts import Contacts, reference_overlaps, replay_contacts, summary
-from robot_retarget.robot.feet import feet_of, with_toes
 from robot_retarget.robot.model import Robot
+from robot_retarget.robot.support import feet_of, with_toes
 from robot_retarget.robot.timing import joint_velocities, range_excess, resample
 from robot_retarget.trajectory import Trajectory
 

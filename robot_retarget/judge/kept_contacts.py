@@ -10,8 +10,8 @@ from robot_retarget.base.arrays import Bools, intervals
 from robot_retarget.judge.bodies import SimulatedBodies
 from robot_retarget.judge.stepping import Rollout
 from robot_retarget.robot.body_distances import RobotAmongBodies
-from robot_retarget.robot.feet import feet_of
 from robot_retarget.robot.model import Robot
+from robot_retarget.robot.support import feet_of
 from robot_retarget.trajectory import Trajectory
 
 TOUCH = 0.001

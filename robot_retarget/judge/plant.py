@@ -16,8 +16,8 @@ from robot_retarget.judge.bodies import Objects, SimulatedBodies
 from robot_retarget.judge.servo_model import Drives
 from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.dynamics import root_dofs
-from robot_retarget.robot.feet import feet_of
 from robot_retarget.robot.model import Robot
+from robot_retarget.robot.support import feet_of
 from robot_retarget.scene.geoms import add_bodies, add_floor_of_bodies
 from robot_retarget.scene.ground import SolidGround
 from robot_retarget.scene.scene import Scene

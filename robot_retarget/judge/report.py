@@ -36,8 +36,8 @@ from robot_retarget.judge.thresholds import Thresholds
 from robot_retarget.judge.verdict import Badge, badge_of, judge, unlikeness
 from robot_retarget.judge.warning_score import touches, warning_score
 from robot_retarget.robot.contacts import Contacts
-from robot_retarget.robot.feet import feet_of
-from robot_retarget.robot.stance import Stance, planned_stance
+from robot_retarget.robot.dynamics import Stance, planned_stance
+from robot_retarget.robot.support import feet_of
 from robot_retarget.trajectory import Trajectory
 
 

@@ -25,9 +25,9 @@ from robot_retarget.judge.report import Report, SimulatedTrajectory, build_repor
 from robot_retarget.judge.servo_model import Drives, drives_of
 from robot_retarget.judge.stepping import Playback, Rollout, roll_out
 from robot_retarget.judge.thresholds import Thresholds
+from robot_retarget.robot.catalog import on_robot
 from robot_retarget.robot.contacts import replay_contacts
 from robot_retarget.robot.model import Robot
-from robot_retarget.robot.played import on_robot
 from robot_retarget.scene.scene import Scene
 from robot_retarget.solver.result import Result
 from robot_retarget.trajectory import Trajectory, fingerprint

@@ -12,10 +12,9 @@ from robot_retarget.base.arrays import Bools, Floats
 from robot_retarget.judge.plant import Plant
 from robot_retarget.judge.stepping import Rollout
 from robot_retarget.robot.contacts import Contacts
-from robot_retarget.robot.feet import Feet, feet_of
+from robot_retarget.robot.dynamics import DOWN, Stance, contact_planes, margins
 from robot_retarget.robot.kinematics import world_points
-from robot_retarget.robot.stance import DOWN, Stance, contact_planes, margins
-from robot_retarget.robot.support import Planes
+from robot_retarget.robot.support import Feet, Planes, feet_of
 
 LIGHT = 0.05
 """The zero moment point is undefined while the ground carries less than this share of the weight [-]."""

@@ -1,26 +1,26 @@
 """Sources of robots: shipped ones, an MJCF or URDF file, or a `robot_descriptions` name."""
 
+import importlib
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from robot_retarget.actuators.map import load_map
-from robot_retarget.base.errors import MatchError, RobotError, known
+from robot_retarget.base.errors import MatchError, RobotError, did_you_mean, install_line, known
 from robot_retarget.base.files import MODELS
 from robot_retarget.base.keypoints import ARM
 from robot_retarget.base.untrusted.documents import read_toml
 from robot_retarget.base.untrusted.limits import one_line
 from robot_retarget.robot.anatomy import Anatomy
-from robot_retarget.robot.compile import compiled
 from robot_retarget.robot.limbs import ARM_WORDS, words
 from robot_retarget.robot.links import Links
-from robot_retarget.robot.model import Robot, robot_from_model
-from robot_retarget.robot.names import described
+from robot_retarget.robot.model import Robot, robot_from_model, with_servos
 from robot_retarget.robot.recognise import recognise
-from robot_retarget.robot.servos import with_servos
 from robot_retarget.robot.source import (
     Quaternion,
+    compiled,
     is_urdf,
     omission_notes,
     read_spec,
@@ -28,6 +28,86 @@ from robot_retarget.robot.source import (
     urdf_notes,
     urdf_speeds,
 )
+from robot_retarget.robot.timing import require_same_robot
+from robot_retarget.trajectory import Trajectory, load_trajectory
+
+# Names that people type for robots of `robot_descriptions`: `g1`, `unitree_g1`, `t1`, `toddlerbot`.
+
+KINDS = {"_mj_description": "MJCF_PATH", "_description": "URDF_PATH"}
+"""How the package ends the names of its modules, and where each says its file is; MJCF goes first."""
+EXTRA = install_line("descriptions")
+
+
+def described(name: str, shipped: tuple[str, ...]) -> Path:
+    """The MJCF of a robot by any of its names, its URDF where the package has no MJCF; fetched once by the package.
+
+    Args:
+        shipped: The robots that ship, for the message.
+
+    Raises:
+        RobotError: the name is unknown, the package is not installed, or it cannot fetch the robot.
+    """
+    choices = f"{known(shipped)}; or a path to an MJCF (.xml) or URDF"
+    try:
+        from robot_descriptions._descriptions import DESCRIPTIONS
+    except ImportError:
+        raise RobotError(
+            f"unknown robot {name!r}; {did_you_mean(name, shipped)}{choices}; robots of robot_descriptions (g1, h1, t1 …) need: {EXTRA}"
+        ) from None
+    entries = humanoids(DESCRIPTIONS)
+    module = resolved(name, entries)
+    if not module:
+        stems = dict.fromkeys(_stem(key)[0] for key in entries)
+        near = did_you_mean(name, (*shipped, *stems))
+        raise RobotError(f"unknown robot {name!r}; {near}{choices}; or one of robot_descriptions, {known(stems, 60)}")
+    kind = _stem(module)[1]
+    try:
+        return Path(getattr(importlib.import_module(f"robot_descriptions.{module}"), KINDS[kind]))
+    except Exception as error:  # the package clones with git and lets any of its errors through
+        reason = " ".join(str(error).split())[:200]
+        line = f'python -c "import robot_descriptions.{module}"'
+        raise RobotError(
+            f"{name} is {module} of robot_descriptions, which is not here: {reason}. With git and a network, this gets it: {line}"
+        ) from error
+
+
+def humanoids(descriptions: Mapping[str, Any]) -> dict[str, str]:
+    """The package's humanoids: module → the first word of the maker's name, small."""
+    return {
+        key: (entry.maker or "").split()[0].lower() if entry.maker else ""
+        for key, entry in descriptions.items()
+        if "humanoid" in entry.tags and _stem(key)[1]
+    }
+
+
+def resolved(name: str, entries: Mapping[str, str]) -> str | None:
+    """The module that a name means: its own name, its stem, with or without the maker, or the first of a family.
+
+    Args:
+        name: as typed.
+        entries: module → maker.
+    """
+    typed = name.lower().replace("-", "_").replace(" ", "_")
+    if typed in entries:
+        return typed
+    ordered = sorted(entries, key=lambda key: list(KINDS).index(_stem(key)[1]))
+    whole = [key for key in ordered if typed in _called(key, entries[key])]
+    family = [key for key in ordered if _stem(key)[0].startswith(f"{typed}_")]
+    return next(iter([*whole, *family]), None)
+
+
+def _called(module: str, maker: str) -> Iterable[str]:
+    """Return the names of a robot: `booster_t1`, `t1`."""
+    stem = _stem(module)[0]
+    bare = stem.removeprefix(f"{maker}_") if maker else stem
+    return {stem, bare, f"{maker}_{bare}"}
+
+
+def _stem(module: str) -> tuple[str, str]:
+    """A module's name without its ending, and the ending."""
+    kind = next((kind for kind in KINDS if module.endswith(kind)), "")
+    return module.removesuffix(kind), kind
+
 
 Limits = dict[str, dict[str, Any]]
 LARGEST_ANGLE = 2 * np.pi
@@ -188,3 +268,33 @@ def _beside(path: Path) -> Path | None:
         if candidate.is_file():
             return candidate
     return None
+
+
+# A trajectory with its robot, in the forms that the public functions accept.
+
+
+class Retargeted(Protocol):
+    """A result of `retarget`."""
+
+    @property
+    def trajectory(self) -> Trajectory: ...
+    @property
+    def robot(self) -> Robot: ...
+
+
+Played = Retargeted | Trajectory | str | Path
+"""A result, a trajectory, or the path of its file."""
+
+
+def on_robot(played: Played, robot: Robot | str | Path | None = None) -> tuple[Trajectory, Robot]:
+    """Return a trajectory and its robot; by default the robot of the result, or the one that the trajectory names.
+
+    Raises:
+        TrajectoryError: the file cannot be read, or is of another robot.
+        RobotError: no robot has the name, or its file does not load.
+    """
+    given = load_trajectory(played) if isinstance(played, str | Path) else played
+    trajectory = given if isinstance(given, Trajectory) else given.trajectory
+    found = as_robot(given.robot if robot is None else robot)
+    require_same_robot(trajectory, found)
+    return trajectory, found

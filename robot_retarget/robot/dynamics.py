@@ -1,18 +1,22 @@
 """Ground reaction and joint torques of a motion: the zero moment point from momenta, torques by inverse dynamics."""
 
 import copy
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import mujoco
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
+from scipy.spatial import QhullError
+from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Bools, Floats, Ints, cross, unit
-from robot_retarget.robot.feet import CORNERS
-from robot_retarget.robot.kinematics import Points
-from robot_retarget.robot.model import Robot
-from robot_retarget.robot.support import Planes, level_planes
+from robot_retarget.robot.kinematics import Points, body_frames, integrate, world_points
+from robot_retarget.robot.model import SLIDE, Robot
+from robot_retarget.robot.support import CORNERS, Feet, Planes, feet_of, level_planes, planes_through, support
 from robot_retarget.scene.ground import SolidGround
+from robot_retarget.trajectory import Trajectory
 
 NEAR = 0.002
 """Height at which a corner carries e⁻² of the load of a corner on the ground [m]: a foot in the air carries nothing."""
@@ -218,3 +222,209 @@ def _pyramids(normals: Floats) -> Floats:
     ahead = unit(normals[:, [2, 1, 0]] * [1.0, 0.0, -1.0])
     left = cross(normals, ahead)
     return normals[:, None] + GRIP * np.stack([ahead, -ahead, left, -left], axis=1)
+
+
+# Placement of a robot by its root: a free joint, or any sequence of slides and hinges.
+
+STEPS = 30
+"""Newton steps at most; a free joint takes two, three hinges about five."""
+ARRIVED = 1e-9
+"""Newton stops after a shorter step [m, rad]."""
+
+
+Placer = Callable[[Floats, Floats], Floats]
+"""From the place (3,) of a point [m] and the rotation (3, 3) of its body to a configuration (nq,)."""
+
+
+def place_body(robot: Robot, qpos: Floats, body: int, offset: Floats, place: Floats, turn: Floats) -> Floats:
+    """Move the root so that a body has a given rotation and a point fixed to it a given place.
+
+    A free joint has a closed form. Other roots take Newton steps on  [x(q) − place, log(R turnᵀ)] = 0, in the least-squares
+    sense if the root has fewer than six degrees of freedom.
+
+    Args:
+        offset: (3,) of the point in the body's frame [m].
+        place: (3,) target of the point [m].
+        turn: (3, 3) target rotation of the body.
+    """
+    return body_placer(robot, qpos, body, offset)(place, turn)
+
+
+def body_placer(robot: Robot, qpos: Floats, body: int, offset: Floats) -> Placer:
+    """Return `place_body` of one pose, for many places: a free joint needs forward kinematics once."""
+    if robot.floating:
+        return FreePose.of(robot, qpos, body, offset).placed
+    return partial(_stepped, robot, qpos, body, offset)
+
+
+def _stepped(robot: Robot, qpos: Floats, body: int, offset: Floats, place: Floats, turn: Floats) -> Floats:
+    """Return the configuration by Newton steps."""
+    moved, dofs, data = np.array(qpos), root_dofs(robot), mujoco.MjData(robot.model)
+    velocity, rows = np.zeros(robot.model.nv), np.zeros((6, robot.model.nv))
+    for _ in range(STEPS if dofs.size else 0):
+        data.qpos[:] = moved
+        mujoco.mj_kinematics(robot.model, data)
+        mujoco.mj_comPos(robot.model, data)
+        rotation = data.xmat[body].reshape(3, 3)
+        point = data.xpos[body] + rotation @ offset
+        mujoco.mj_jac(robot.model, data, rows[:3], rows[3:], point, body)
+        missing = np.append(place - point, Rotation.from_matrix(turn @ rotation.T).as_rotvec())
+        velocity[dofs] = np.linalg.lstsq(rows[:, dofs], missing)[0]
+        moved = integrate(robot, moved, velocity)
+        if np.abs(velocity).max() < ARRIVED:
+            break
+    return moved
+
+
+@dataclass(frozen=True, eq=False)
+class FreePose:
+    """A pose of a robot with a free joint, which is placed by a point of a body with x, R: the root has R₀ and x₀."""
+
+    qpos: Floats
+    """(nq,)."""
+    address: int
+    """Where the root's coordinates begin."""
+    away: Floats
+    """(3,) Rᵀ (x₀ − x) [m]."""
+    turned: Floats
+    """(3, 3) Rᵀ R₀."""
+
+    @classmethod
+    def of(cls, robot: Robot, qpos: Floats, body: int, offset: Floats) -> "FreePose":
+        """Return a pose (nq,) placed by a point of a body, at an offset (3,) in its frame [m]."""
+        (frames,), (turns,) = body_frames(robot, qpos[None])
+        back, root = turns[body].T, robot.root_body
+        return cls(qpos, robot.root_address, back @ (frames[root] - frames[body]) - offset, back @ turns[root])
+
+    def placed(self, place: Floats, turn: Floats) -> Floats:
+        """Return the pose (nq,) with the point at `place` (3,) [m] and the body turned by `turn` (3, 3)."""
+        moved, a = np.array(self.qpos), self.address
+        moved[a : a + 3] = place + turn @ self.away
+        mujoco.mju_mat2Quat(moved[a + 3 : a + 7], (turn @ self.turned).ravel())
+        return moved
+
+
+def raise_root(robot: Robot, qpos: Floats, height: float) -> Floats:
+    """A configuration moved up as a whole [m], as far as slides or a free joint carry it upward.
+
+    Args:
+        qpos: (nq,) configuration.
+        height: upwards [m].
+    """
+    if robot.floating:
+        moved = np.array(qpos)
+        moved[robot.root_address + 2] += height
+        return moved
+    kinds = robot.model.jnt_type
+    slides = [d for d in root_dofs(robot) if kinds[robot.model.dof_jntid[d]] == SLIDE]
+    dofs = np.array(slides, dtype=np.int64)
+    data, velocity, rows = mujoco.MjData(robot.model), np.zeros(robot.model.nv), np.zeros((3, robot.model.nv))
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(robot.model, data)
+    mujoco.mj_comPos(robot.model, data)
+    mujoco.mj_jac(robot.model, data, rows, None, data.xpos[robot.root_body], robot.root_body)
+    velocity[dofs] = np.linalg.lstsq(rows[:, dofs], np.array([0.0, 0.0, height]))[0]
+    return integrate(robot, qpos, velocity)
+
+
+# How a robot stands: which feet touch the floor, and how far inside its support it is balanced.
+#
+# The margin of a point is its distance to the nearest edge of the convex hull of the sole points that carry.
+
+DOWN = 0.003
+"""Sole points of a touching foot this near to the floor carry it [m]."""
+SMOOTH = 0.05
+"""Of the momenta of a plan [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stance:
+    """F feet, K sole points, over the N states of a rollout."""
+
+    feet: Feet
+    times: Floats
+    """(N,) [s]."""
+    touching: np.ndarray
+    """(N, F) whether a foot is in contact with the scene."""
+    points: Floats
+    """(N, K, 3) sole points [m], heights above the ground."""
+    down: np.ndarray
+    """(N, K) whether a sole point carries its foot."""
+    com: Floats
+    """(N, 2) the centre of mass, seen from above [m]."""
+    zmp: Floats
+    """(N, 2) the zero moment point [m], NaN where the robot hardly touches the ground."""
+    com_margin: Floats
+    zmp_margin: Floats
+    """(N,) inside the support [m], negative outside, NaN without support."""
+
+
+def planned_stance(robot: Robot, trajectory: Trajectory) -> Stance | None:
+    """How the robot would stand if it followed the trajectory with its lowest sole point of every frame on the ground.
+
+    None for a robot without recognised feet or a free root.
+    """
+    ground = SolidGround(trajectory.scene)
+    feet = feet_of(robot) if ground.level else feet_of(robot).filled
+    if not feet.names or not robot.floating:
+        return None
+    places = world_points(robot, feet.soles, trajectory.qpos)
+    points = places.copy()
+    points[..., 2] = ground.over(places)
+    above = points[..., 2].min(axis=1)
+    points[..., 2] -= above[:, None]
+    down = points[..., 2] < 2 * DOWN
+    touching = np.stack([down[:, feet.owner == f].any(1) for f in range(len(feet.names))], axis=1)
+    on_ground = trajectory.qpos.copy()
+    on_ground[:, robot.root_address + 2] -= above
+    places[..., 2] -= above[:, None]
+    com = momenta(robot, on_ground, np.zeros((len(on_ground), robot.model.nv)))[0]
+    pushed = tread(robot, on_ground, trajectory.fps, SMOOTH, contact_planes(places, down, ground)).point
+    margin = margins(np.stack([com[:, :2], pushed]), points[..., :2], down)
+    times = np.arange(len(trajectory)) / trajectory.fps
+    return Stance(feet, times, touching, points, down, com[:, :2], pushed, margin[0], margin[1])
+
+
+def contact_planes(points: Floats, down: np.ndarray, ground: SolidGround, floor: float = 0.0) -> Planes:
+    """Return the planes through the points (N, K, 3) of soles that are down (N, K); on nothing but the floor, the floor [m]."""
+    if ground.level:
+        return level_planes(len(points), floor)
+    normals = ground.under(points)[1]
+    return planes_through(
+        [own[on] for own, on in zip(points, down, strict=True)],
+        [own[on] for own, on in zip(normals, down, strict=True)],
+    )
+
+
+def margins(places: Floats, corners: Floats, down: np.ndarray) -> Floats:
+    """How far inside the hull of its frame's corners that are down each place is.
+
+    Args:
+        places: (M, N, 2) [m].
+        corners: (N, K, 2) [m].
+        down: (N, K).
+
+    Returns:
+        (M, N) [m], negative beyond an edge, NaN without support.
+    """
+    found = np.full(places.shape[:2], np.nan)
+    for k in np.flatnonzero(down.any(1)):
+        found[:, k] = _inside(corners[k, down[k]], places[:, k])
+    return found
+
+
+def _inside(corners: Floats, places: Floats) -> list[float]:
+    try:
+        polygon = support(corners)
+    except (QhullError, ValueError):  # a point or a line has no inside
+        return (-_from_line(corners, places)).tolist()
+    return [polygon.margin(place) for place in places]
+
+
+def _from_line(corners: Floats, places: Floats) -> Floats:
+    """Return distances (M,) of places (M, 2) from the line segment that spans corners (N, 2) [m]."""
+    first = corners[np.linalg.norm(corners - corners[0], axis=1).argmax()]
+    last = corners[np.linalg.norm(corners - first, axis=1).argmax()]
+    way = last - first
+    share = np.clip((places - first) @ way / max(float(way @ way), 1e-12), 0.0, 1.0)
+    return np.linalg.norm(places - first - share[:, None] * way, axis=1)

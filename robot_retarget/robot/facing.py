@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from robot_retarget.base.arrays import ALIGNED, Floats
+from robot_retarget.base.arrays import ALIGNED, Floats, unit
 from robot_retarget.base.errors import MatchError
-from robot_retarget.robot.axes import BENT
 from robot_retarget.robot.limbs import (
     LEFT_WORDS,
     RIGHT_WORDS,
@@ -24,6 +24,26 @@ from robot_retarget.robot.limbs import (
     words,
 )
 from robot_retarget.robot.links import Axis, Links
+
+# Axes of joints and links: by custom they lie along those of a body that stands upright.
+
+CUBE = Rotation.create_group("O")
+BENT = 0.2
+"""Angles with a smaller sine count as 0 [rad]: of a straight elbow or knee, which shows no axis, of a level foot or head, of a
+hand along the axes of its link."""
+
+
+def snapped_to_axes(turn: Floats, most: float) -> Floats:
+    """The nearest of the 24 rotations (3, 3) that take axes to axes, if it is within `most` [rad] of `turn`; else `turn` itself.
+
+    Args:
+        turn: (3, 3) rotation.
+        most: largest angle [rad].
+    """
+    turns = CUBE.inv() * Rotation.from_matrix(turn)
+    nearest = int(np.argmin(turns.magnitude()))
+    return CUBE[nearest].as_matrix() if turns[nearest].magnitude() < most else turn
+
 
 SURE = 2
 """A majority of this number of votes is sure."""
@@ -226,3 +246,41 @@ def _standing(links: Links) -> Floats:
 
 def _angle(links: Links, axis: Axis, angles: Floats) -> float:
     return float(angles[links.robot.joint_ids.tolist().index(axis.joint)])
+
+
+# How a hand is turned where its wrist is straight: forward along the forearm, left along the axis of the elbow.
+#
+# This holds for any pose in which a body was modelled. The palm of a person faces along the elbow's axis when the forearm
+# is turned neither in nor out (palms down and elbows back in a T-pose, palms to the thighs in a stand), and so does that
+# of a robot whose wrist hinges are at zero.
+
+
+def hand_frames(shoulder: Floats, elbow: Floats, hand: Floats) -> tuple[Floats, Floats]:
+    """Return forward, left and up of a hand that continues its forearm, as columns, (…, 3, 3), of any body.
+
+    Args:
+        shoulder, elbow, hand: (…, 3) [m].
+
+    Returns:
+        The frames, and the sine of the elbow's bend (…); if it is 0, the roll about the forearm is arbitrary.
+    """
+    along, upper = unit(hand - elbow), unit(elbow - shoulder)
+    axis = np.cross(upper, along)
+    left = unit(axis)
+    return np.stack([along, left, np.cross(along, left)], axis=-1), np.linalg.norm(axis, axis=-1)
+
+
+def hand_axes(bent: Links, bodies: tuple[int, int], arm: Floats) -> Floats | None:
+    """(3, 3) the hand's frame in its body, where three hinges beyond the elbow turn it any way.
+
+    Args:
+        bent: the robot, elbows in the middle of their range, all else in the reference pose.
+        bodies: of the elbow and of the hand.
+        arm: (3, 3) shoulder, elbow and hand there [m].
+    """
+    elbow, hand = (int(bent.weld[body]) for body in bodies)
+    beyond = [link for link in bent.path(hand) if link not in bent.path(elbow)]
+    frame, bend = hand_frames(*arm)
+    if len(bent.axes_along(beyond)) < 3 or bend < BENT:
+        return None
+    return snapped_to_axes(bent.data.xmat[bodies[1]].reshape(3, 3).T @ frame, BENT)

@@ -1,7 +1,8 @@
 """A robot: the MuJoCo model, its joints in order, and what each may do."""
 
+import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import numpy as np
 
 from robot_retarget.actuators.map import ServoMap
 from robot_retarget.base.arrays import Floats, Ints, frozen
-from robot_retarget.base.errors import RobotError
+from robot_retarget.base.errors import RobotError, known
 from robot_retarget.base.pages import card
 from robot_retarget.robot.source import Quaternion, read_spec
 from robot_retarget.trajectory import Trajectory
@@ -289,3 +290,45 @@ class _Limits:
         table = self.tables.get(key, {})
         found = {k: table[n] for k, n in enumerate(self.names) if n in table}
         return {k: table["*"] for k in range(len(self.names)) if k not in found and "*" in table} | found
+
+
+# The servos that turn a robot's joints, and the limits that they set on planned motions.
+
+
+def with_servos(robot: Robot, servo_map: ServoMap) -> Robot:
+    """Return the robot on the servos of a map: ranges and speeds are limited to those of its goals.
+
+    Args:
+        servo_map: the servos that turn its joints.
+
+    Raises:
+        RobotError: a joint has no servo, or its range does not overlap that of its servo.
+        MapError: a map without servos has a gain for an absent joint.
+    """
+    if not servo_map.servos:
+        servo_map.require_gains_of(robot.joint_names)
+        return replace(robot, servo_map=servo_map)
+    bare = [joint for joint in robot.joint_names if joint not in (*servo_map.joints, *servo_map.passive)]
+    if bare:
+        raise RobotError(f"{robot.name}: no servo for the joint {bare[0]!r}; {known(servo_map.joints)}")
+    lower, upper, speed = (np.array(values) for values in (robot.lower, robot.upper, robot.max_speed))
+    for k, joint in enumerate(robot.joint_names):
+        if joint in servo_map.joints:
+            low, high = servo_map[joint].reach
+            lower[k], upper[k] = max(lower[k], low), min(upper[k], high)
+            speed[k] = min(speed[k], servo_map.limits.speed)
+    return replace(robot, lower=lower, upper=upper, max_speed=speed, servo_map=servo_map)
+
+
+# A robot's content as a hash: included files, meshes, limits and servo map count, the place of its file does not.
+
+
+def robot_sha256(robot: Robot) -> str:
+    """Return the sha256 of the compiled model, of the limits of its hinges and of its servo map."""
+    model = np.empty(mujoco.mj_sizeModel(robot.model), np.uint8)
+    mujoco.mj_saveModel(robot.model, None, model)
+    digest = hashlib.sha256(model.tobytes())
+    for limit in (robot.lower, robot.upper, robot.max_speed, robot.max_torque):
+        digest.update(np.asarray(limit).tobytes())
+    digest.update(repr((robot.name, robot.joint_names, robot.servo_map)).encode())
+    return digest.hexdigest()

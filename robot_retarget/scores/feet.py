@@ -33,7 +33,7 @@ pressure are within 0.1 m [arXiv 2506.12851]; this is the dynamic form.
 import numpy as np
 
 from robot_retarget.human.features import ActivityRule
-from robot_retarget.robot.stance import planned_stance
+from robot_retarget.robot.dynamics import planned_stance
 from robot_retarget.scores.figure import Figure, Value, measures
 from robot_retarget.scores.subject import Subject
 

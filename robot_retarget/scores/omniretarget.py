@@ -15,8 +15,8 @@ import mujoco
 import numpy as np
 
 from robot_retarget.base.arrays import Floats
-from robot_retarget.robot.floor import Floor
-from robot_retarget.robot.placed import Placed
+from robot_retarget.robot.geoms import Placed
+from robot_retarget.robot.surfaces import Floor
 from robot_retarget.scores.figure import Figure, Value, measures
 from robot_retarget.scores.subject import Subject
 

@@ -13,7 +13,7 @@ from robot_retarget.human.match import match, read_map
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import as_motion
 from robot_retarget.robot import Robot
-from robot_retarget.robot.played import Retargeted, on_robot
+from robot_retarget.robot.catalog import Retargeted, on_robot
 from robot_retarget.scores.bodies import notes_of
 from robot_retarget.scores.figure import Value
 from robot_retarget.scores.pair import body_of, pair_of

@@ -11,10 +11,9 @@ from robot_retarget.human.features import HumanFeatures
 from robot_retarget.robot import Anatomy, Points, Robot, world_points
 from robot_retarget.robot.body_distances import BodyPairs
 from robot_retarget.robot.contacts import replay_contacts
-from robot_retarget.robot.dynamics import required_forces
-from robot_retarget.robot.feet import feet_of
+from robot_retarget.robot.dynamics import SMOOTH, required_forces
 from robot_retarget.robot.geoms import solid_geoms
-from robot_retarget.robot.stance import SMOOTH
+from robot_retarget.robot.support import feet_of
 from robot_retarget.robot.timing import joint_velocities
 from robot_retarget.scores.pair import Pair
 from robot_retarget.scores.soles import Foot, foot_of

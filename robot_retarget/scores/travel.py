@@ -13,7 +13,7 @@ from robot_retarget.contact.rule import JOINTS, over_lowest
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot, world_points
-from robot_retarget.robot.feet import sole_corners
+from robot_retarget.robot.support import sole_corners
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,8 @@ from robot_retarget.base.arrays import Floats, Ints
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.status import Status
 from robot_retarget.robot import Robot
-from robot_retarget.robot.kinematics import difference, integrate
+from robot_retarget.robot.kinematics import SweptConfiguration, difference, integrate
 from robot_retarget.robot.model import HINGE
-from robot_retarget.robot.swept import SweptConfiguration
 from robot_retarget.solver.descent import Box, FrameSolution
 from robot_retarget.solver.options import Search
 from robot_retarget.solver.problem import ClipTargets

@@ -12,8 +12,7 @@ from robot_retarget.graph.role import FRAME, Form, Role
 from robot_retarget.graph.rows import ContactRows, MeasureRows, Past, RowState, RowStates
 from robot_retarget.graph.track import Track
 from robot_retarget.robot import Robot
-from robot_retarget.robot.kinematics import difference
-from robot_retarget.robot.swept import SweptConfiguration
+from robot_retarget.robot.kinematics import SweptConfiguration, difference
 from robot_retarget.solver.near_links import LinearizedDistances, NearLinks
 from robot_retarget.solver.options import SolveOptions
 from robot_retarget.solver.problem import ClipTargets, EdgeTargets, Problem

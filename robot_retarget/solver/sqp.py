@@ -9,10 +9,8 @@ import numpy as np
 from robot_retarget.base.arrays import Bools, Floats, Ints, as_slice
 from robot_retarget.graph.status import Status
 from robot_retarget.robot import Robot
-from robot_retarget.robot.dynamics import root_dofs
-from robot_retarget.robot.kinematics import difference, integrate
-from robot_retarget.robot.root import raise_root
-from robot_retarget.robot.swept import SweptConfiguration, parts_between
+from robot_retarget.robot.dynamics import raise_root, root_dofs
+from robot_retarget.robot.kinematics import SweptConfiguration, difference, integrate, parts_between
 from robot_retarget.solver.compiled import QuadraticPrograms
 from robot_retarget.solver.descent import Box, Descent, FrameSolution, TrustRegions
 from robot_retarget.solver.frame_model import frame_model

@@ -24,7 +24,7 @@ from robot_retarget.base.arrays import Floats
 from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import MOST_FPS, RobotGraph, describe
 from robot_retarget.robot.coupling import Coupling
-from robot_retarget.robot.separation import Separation
+from robot_retarget.robot.distances import Separation
 from robot_retarget.solver import causal as causal_module
 from robot_retarget.solver import clip as clip_module
 from robot_retarget.solver import passes as passes_module

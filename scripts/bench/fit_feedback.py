@@ -32,8 +32,8 @@ from robot_retarget.judge.plant import Plant
 from robot_retarget.judge.rollout import plant_of
 from robot_retarget.judge.stepping import roll_out
 from robot_retarget.robot import Robot
-from robot_retarget.robot.feet import feet_of
-from robot_retarget.robot.mirror import mirror_of
+from robot_retarget.robot.support import feet_of
+from robot_retarget.robot.symmetry import mirror_of
 from robot_retarget.trajectory import Trajectory, load_trajectory
 
 AIM = 1.5

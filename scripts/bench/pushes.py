@@ -19,7 +19,7 @@ from robot_retarget.judge.feedback import ClosedLoop, closed_loop, with_feedback
 from robot_retarget.judge.goals import Playback
 from robot_retarget.judge.plant import Plant
 from robot_retarget.judge.played import PlayedPlant
-from robot_retarget.robot.feet import feet_of
+from robot_retarget.robot.support import feet_of
 from robot_retarget.trajectory import Trajectory
 
 DIRECTIONS = {"fore": (1.0, 0.0, 0.0), "aft": (-1.0, 0.0, 0.0), "left": (0.0, 1.0, 0.0), "right": (0.0, -1.0, 0.0)}

@@ -15,7 +15,7 @@ from pathlib import Path
 from robot_retarget.base.mujoco_setup import OLDEST
 
 ROOT = Path(__file__).resolve().parents[2]
-TESTS = ("tests/robot", "tests/score/test_look.py", "tests/simulate/test_servo_model.py")
+TESTS = ("tests/robot", "tests/scores/test_look.py", "tests/judge/test_servo_model.py")
 UNREADABLE = "MuJoCo does not load it"
 
 

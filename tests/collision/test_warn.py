@@ -14,7 +14,7 @@ from robot_retarget.collision.warn import State, Warner, Warnings, WarnOptions, 
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.contacts import replay_contacts
 from robot_retarget.robot.distances import LinkDistances
-from robot_retarget.robot.swept import parts_between
+from robot_retarget.robot.kinematics import parts_between
 from robot_retarget.trajectory import Trajectory
 
 CARTS = """<mujoco><worldbody><body name="base"><geom size=".01" contype="0" conaffinity="0"/>

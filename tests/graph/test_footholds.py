@@ -32,8 +32,8 @@ from robot_retarget.human.match import match
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import Robot, load_robot, world_points
-from robot_retarget.robot.feet import sole_corners
 from robot_retarget.robot.recognise import recognise
+from robot_retarget.robot.support import sole_corners
 from robot_retarget.solver.live.stream import stream
 from robot_retarget.solver.solve import solve_graph
 

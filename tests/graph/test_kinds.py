@@ -22,7 +22,7 @@ from robot_retarget.graph.symbolic_robot import SymbolicRobot, drawn_configurati
 from robot_retarget.graph.track import Track, exact, frame_costs
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import Robot, load_robot, world_points
-from robot_retarget.robot.feet import sole_corners
+from robot_retarget.robot.support import sole_corners
 from robot_retarget.solver.options import Smoothing
 from robot_retarget.solver.problem import Problem, build_problem
 from robot_retarget.solver.solve import solve_graph

@@ -16,8 +16,8 @@ from robot_retarget.graph.kind import RetargetContext
 from robot_retarget.graph.kinds.zmp import ZmpKind
 from robot_retarget.graph.track import Track
 from robot_retarget.graph.weights import Weights
-from robot_retarget.robot.feet import sole_corners
 from robot_retarget.robot.kinematics import world_points
+from robot_retarget.robot.support import sole_corners
 from robot_retarget.solver.solve import solve_graph
 from robot_retarget.solver.stencils import StencilCost
 

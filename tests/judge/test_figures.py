@@ -24,7 +24,7 @@ from robot_retarget.judge.stance import floor_height, slip_distances, stance_of,
 from robot_retarget.judge.stepping import Playback, roll_out
 from robot_retarget.judge.thresholds import Thresholds, read_thresholds
 from robot_retarget.robot import load_robot
-from robot_retarget.robot.stance import margins
+from robot_retarget.robot.dynamics import margins
 from robot_retarget.robot.support import level_planes
 from robot_retarget.trajectory import Trajectory
 

@@ -11,8 +11,8 @@ from robot_retarget.judge.rollout import plant_of, simulate
 from robot_retarget.judge.stepping import Rollout, roll_out
 from robot_retarget.judge.thresholds import Thresholds
 from robot_retarget.judge.verdict import judge
-from robot_retarget.robot.feet import feet_of
 from robot_retarget.robot.kinematics import world_points
+from robot_retarget.robot.support import feet_of
 from robot_retarget.scene.scene import RigidBody, Scene
 from robot_retarget.scene.shape import ShapeKind, solid
 

@@ -7,10 +7,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.robot import load_robot
-from robot_retarget.robot.boxes import TOUCHING, Boxes
-from robot_retarget.robot.geoms import allowed
-from robot_retarget.robot.placed import GeomDistances, Placed
-from robot_retarget.robot.separation import Separation
+from robot_retarget.robot.distances import Separation
+from robot_retarget.robot.geoms import GeomDistances, Placed, allowed
+from robot_retarget.robot.surfaces import TOUCHING, Boxes
 
 REACH = 0.05
 EXACT = 2e-6

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from robot_retarget.robot import compile as compile_module
-from robot_retarget.robot import load_robot
-from robot_retarget.robot.digest import robot_sha256
+from robot_retarget.robot import load_robot, source
+from robot_retarget.robot.model import robot_sha256
 
 MODEL = """<mujoco><compiler meshdir="parts"/><include file="assets.xml"/><worldbody><body name="base"><freejoint/>
 <geom type="mesh" mesh="block"/><body name="arm"><joint name="elbow" axis="0 1 0" range="-1 1"/>
@@ -23,7 +22,7 @@ FACES = "f 1 2 4\nf 1 4 3\nf 5 8 6\nf 5 7 8\nf 1 6 2\nf 1 5 6\nf 3 4 8\nf 3 8 7\
 def model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A model of two files and a mesh; meshes of any size are kept."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr(compile_module, "LEAST", 0)
+    monkeypatch.setattr(source, "LEAST", 0)
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts/block.obj").write_text(f"{BLOCK}\n{FACES}")
     (tmp_path / "assets.xml").write_text(ASSETS)
@@ -85,7 +84,7 @@ def test_the_oldest_models_make_room_for_the_newest(model: Path, monkeypatch: py
     load_robot(model)
     known = {file: file.stat().st_size for file in kept(model)}
     most = 1.5 * max(known.values())
-    monkeypatch.setattr(compile_module, "MOST", most)
+    monkeypatch.setattr(source, "MOST", most)
     model.write_text(MODEL.replace("0 0 .3", "0 0 .4"))
     load_robot(model)
     left = kept(model)

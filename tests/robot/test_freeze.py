@@ -10,7 +10,7 @@ from shared_files import ROOT
 import robot_retarget as rr
 from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.robot import Robot, recognise
-from robot_retarget.robot.freeze import held
+from robot_retarget.robot.override import held
 
 SAMPLES = ROOT / "samples"
 

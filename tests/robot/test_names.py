@@ -4,7 +4,7 @@ import pytest
 
 from robot_retarget.base.errors import RobotError
 from robot_retarget.robot import load_robot
-from robot_retarget.robot.names import humanoids, resolved
+from robot_retarget.robot.catalog import humanoids, resolved
 
 descriptions = pytest.importorskip("robot_descriptions._descriptions", reason="needs the extra descriptions")
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot_retarget.robot import load_robot
-from robot_retarget.robot.separation import Separation
+from robot_retarget.robot.distances import Separation
 
 REACH = 0.03
 OP3 = load_robot("op3")

@@ -8,7 +8,7 @@ from shared_files import SHARED, needs_shared
 from robot_retarget.actuators.map import load_map
 from robot_retarget.base.keypoints import KEYPOINTS
 from robot_retarget.robot import load_robot, recognise, shipped_robots
-from robot_retarget.robot.names import humanoids, resolved
+from robot_retarget.robot.catalog import humanoids, resolved
 
 OURS = {
     "g1_class": ("unitree_g1/unitree_g1.xml", 29, 1.3),

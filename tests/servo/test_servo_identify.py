@@ -13,7 +13,7 @@ from robot_retarget.actuators.motors import MOTORS
 from robot_retarget.base.errors import ServoError
 from robot_retarget.judge.servo_model import drives_of
 from robot_retarget.robot import load_robot
-from robot_retarget.robot.servos import with_servos
+from robot_retarget.robot.model import with_servos
 from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.identify import SWING, excitation, identify
 from robot_retarget.servo.outcome import PlaybackOptions

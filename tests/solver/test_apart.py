@@ -11,8 +11,8 @@ from robot_retarget.graph.status import Status
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.coupling import Coupling
+from robot_retarget.robot.distances import Separation
 from robot_retarget.robot.kinematics import carrying, difference, integrate
-from robot_retarget.robot.separation import Separation
 from robot_retarget.solver.descent import FrameSolution
 from robot_retarget.solver.near_links import LinearizedDistances, tightest_rows
 from robot_retarget.solver.options import Smoothing

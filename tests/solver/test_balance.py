@@ -19,9 +19,9 @@ from robot_retarget.judge.compensate import compensated
 from robot_retarget.judge.rollout import plant_of
 from robot_retarget.judge.stepping import Playback, roll_out
 from robot_retarget.robot import world_points
+from robot_retarget.robot.distances import Separation
 from robot_retarget.robot.dynamics import joint_torques, tread
 from robot_retarget.robot.kinematics import difference, integrate
-from robot_retarget.robot.separation import Separation
 from robot_retarget.robot.support import support
 from robot_retarget.solver.balance.balanced_ik import BalancedIk, balanced_stand, stand_places
 from robot_retarget.solver.balance.footsteps import foothold_places, gaps, planted_feet, spread, without_small_swings

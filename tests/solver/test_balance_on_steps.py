@@ -14,10 +14,8 @@ from robot_retarget.base.arrays import intervals, unit
 from robot_retarget.judge.played import PlayedPlant
 from robot_retarget.judge.rollout import plant_of, simulate
 from robot_retarget.judge.stance import zero_moment_point
-from robot_retarget.robot.dynamics import ground_push, root_dofs
-from robot_retarget.robot.feet import feet_of
-from robot_retarget.robot.stance import planned_stance
-from robot_retarget.robot.support import planes_through
+from robot_retarget.robot.dynamics import ground_push, planned_stance, root_dofs
+from robot_retarget.robot.support import feet_of, planes_through
 from robot_retarget.scene.ground import SolidGround
 from robot_retarget.scene.scene import RigidBody, Scene
 from robot_retarget.scene.shape import ShapeKind, solid

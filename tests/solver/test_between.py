@@ -11,9 +11,8 @@ from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import describe
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import Robot, load_robot
-from robot_retarget.robot.kinematics import difference, integrate
-from robot_retarget.robot.separation import Separation
-from robot_retarget.robot.swept import TURN, SweptConfiguration, swept_configurations
+from robot_retarget.robot.distances import Separation
+from robot_retarget.robot.kinematics import TURN, SweptConfiguration, difference, integrate, swept_configurations
 from robot_retarget.solver.pipeline import retarget
 from robot_retarget.solver.problem import EdgeTargets, build_problem, targets_of
 from robot_retarget.solver.quadratic import Proximal

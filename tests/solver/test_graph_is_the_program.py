@@ -12,7 +12,7 @@ from robot_retarget.graph.kinds import KINDS, STREAM_KINDS
 from robot_retarget.graph.role import SECOND_DIFFERENCE, Role
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot
-from robot_retarget.robot.separation import Separation
+from robot_retarget.robot.distances import Separation
 from robot_retarget.solver.balance.balanced_ik import BalancedIk, BalanceOptions
 from robot_retarget.solver.options import Smoothing
 from robot_retarget.solver.solution import Solution

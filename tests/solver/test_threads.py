@@ -7,7 +7,7 @@ from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import describe
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot
-from robot_retarget.robot.threads import LEAST, in_parts
+from robot_retarget.robot.distances import LEAST, in_parts
 from robot_retarget.solver.options import SolveOptions
 from robot_retarget.solver.pipeline import solve
 

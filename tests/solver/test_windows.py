@@ -11,7 +11,7 @@ from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.footholds import foothold_corners
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot, world_points
-from robot_retarget.robot.feet import sole_corners
+from robot_retarget.robot.support import sole_corners
 from robot_retarget.solver.options import Smoothing
 from robot_retarget.solver.pipeline import retarget
 from robot_retarget.solver.result import Result

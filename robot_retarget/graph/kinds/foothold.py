@@ -28,8 +28,8 @@ from robot_retarget.graph.soles import lengths
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
 from robot_retarget.graph.track import HARD
 from robot_retarget.graph.weights import Weights
-from robot_retarget.robot.feet import CORNER_NAMES
 from robot_retarget.robot.kinematics import carrying
+from robot_retarget.robot.support import CORNER_NAMES
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from robot_retarget.graph.kind import ClipRows, Form, Kind, RetargetContext, Rol
 from robot_retarget.graph.track import limit
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot
+from robot_retarget.robot.distances import Separation as Surfaces
 from robot_retarget.robot.geoms import allowed, solid_geoms
-from robot_retarget.robot.separation import Separation as Surfaces
 
 FLOOR = "floor"
 

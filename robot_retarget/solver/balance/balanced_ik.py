@@ -23,9 +23,8 @@ from robot_retarget.graph.track import HARD, Track
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Points, Robot, world_points
-from robot_retarget.robot.feet import CORNERS, sole_corners
 from robot_retarget.robot.kinematics import carrying, mass_function
-from robot_retarget.robot.support import support
+from robot_retarget.robot.support import CORNERS, sole_corners, support
 from robot_retarget.solver.clip import measured_by, renewed
 from robot_retarget.solver.compiled import Mapped
 from robot_retarget.solver.problem import build_problem, targets_of

@@ -13,9 +13,9 @@ from robot_retarget.graph.path import RootScaling, root_scaling_of
 from robot_retarget.graph.status import Status
 from robot_retarget.human.causal import CausalFeatures, CausalSurroundings
 from robot_retarget.human.features import HumanFeatures
-from robot_retarget.robot.feet import CORNERS, sole_corners, together
+from robot_retarget.robot.dynamics import Placer
 from robot_retarget.robot.kinematics import PlacedPoints
-from robot_retarget.robot.root import Placer
+from robot_retarget.robot.support import CORNERS, sole_corners, together
 from robot_retarget.scene.scene import Scene
 from robot_retarget.solver.descent import FrameSolution
 from robot_retarget.solver.live.lag import FixedLag, SolvedFrame

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from robot_retarget.base.errors import OutputError, UsageError
 from robot_retarget.base.files import folder
-from robot_retarget.robot.digest import robot_sha256
+from robot_retarget.robot.model import robot_sha256
 from robot_retarget.tools.batch.clips import MotionFile, find_clips
 from robot_retarget.tools.batch.manifest import COLUMNS, NAME, Manifest
 from robot_retarget.tools.batch.pool import Report, Stopping

@@ -28,11 +28,11 @@ class Settings:
     map_file: str | None = None
     limits: str | None = None
     freeze: tuple[str, ...] = ()
-    """Joints that keep an angle (`robot.freeze`)."""
+    """Joints that keep an angle (`robot.override.freeze`)."""
     only: str | None = None
 
     def digest(self, robot_sha256: str) -> str:
-        """The sha256 of the settings, of the keypoint map, of the robot (`robot.digest`) and of this package's version."""
+        """The sha256 of the settings, of the keypoint map, of the robot (`robot.model.digest`) and of this package's version."""
         values = asdict(self) | {name: None for name in ("map_file", "limits")}
         named = sha256_of(Path(self.map_file)) if self.map_file else ""
         return hashlib.sha256(

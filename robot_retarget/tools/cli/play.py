@@ -87,7 +87,7 @@ class PlayOptions(BaudOptions):
 
     def part(self, trajectory: "Trajectory") -> "Trajectory":
         """Return the wanted part of a trajectory, at its speed, as often as wanted, with joints frozen."""
-        from robot_retarget.robot.freeze import freeze, held
+        from robot_retarget.robot.override import freeze, held
         from robot_retarget.servo.plan import part_of
 
         if self.freeze:
