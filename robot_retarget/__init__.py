@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from robot_retarget.solver.pipeline import transfer as transfer
     from robot_retarget.solver.result import Result as Result
     from robot_retarget.solver.solution import Solution as Solution
-    from robot_retarget.tools.view.web.page import view as view
+    from robot_retarget.tools.view.web.take import view as view
     from robot_retarget.trajectory import Trajectory as Trajectory
 
 __version__ = "0.2.0"
@@ -82,7 +82,7 @@ _HOME = {
     "simulate": "judge.rollout",
     "Trajectory": "trajectory",
     "load_trajectory": "formats",
-    "view": "tools.view.web.page",
+    "view": "tools.view.web.take",
 }
 
 

@@ -82,8 +82,8 @@ def _mujoco() -> ComponentStatus:
 
 
 def _rendering() -> ComponentStatus:
-    from robot_retarget.tools.view.gl import open_context
     from robot_retarget.tools.view.picture import Unavailable
+    from robot_retarget.tools.view.render import open_context
 
     context = open_context(PICTURE, PICTURE)
     if isinstance(context, Unavailable):

@@ -22,8 +22,8 @@ from PIL import Image, ImageDraw, ImageFont
 import robot_retarget as rr
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.files import SAMPLES, replacing
-from robot_retarget.tools.view.gl import open_context
 from robot_retarget.tools.view.picture import Unavailable
+from robot_retarget.tools.view.render import open_context
 
 WIDTH, HEIGHT, FPS = 960, 400, 20
 FOV = 28.0

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import robot_retarget as rr
 from robot_retarget.base.files import SAMPLES
-from robot_retarget.tools.view import Picture, strip
+from robot_retarget.tools.view.film import strip
+from robot_retarget.tools.view.picture import Picture
 
 MOMENTS = {"clap": (47, 79, 5), "squat": (0, 76, 5), "walk": (45, 101, 7)}
 """Of each clip: the first frame, the one past the last, how many moments between them are shown."""

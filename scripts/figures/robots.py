@@ -19,7 +19,7 @@ import robot_retarget as rr
 from robot_retarget.base.errors import RobotRetargetError
 from robot_retarget.base.files import SAMPLES, folder, replacing
 from robot_retarget.human.motion import Motion
-from robot_retarget.tools.view.painter import painter
+from robot_retarget.tools.view.film import painter
 from robot_retarget.tools.view.staging import arrange
 
 LIST = Path(__file__).with_suffix(".csv")

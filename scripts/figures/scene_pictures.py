@@ -12,7 +12,8 @@ import numpy as np
 import robot_retarget as rr
 from robot_retarget.scene.scene import RigidBody, Scene
 from robot_retarget.scene.shape import ShapeKind, solid
-from robot_retarget.tools.view import Picture, strip
+from robot_retarget.tools.view.film import strip
+from robot_retarget.tools.view.picture import Picture
 
 SCENES = Path(__file__).resolve().parents[2] / "samples/scenes"
 HEIGHT = 320

@@ -15,8 +15,7 @@ from robot_retarget.judge.verdict import Badge
 from robot_retarget.robot import load_robot
 from robot_retarget.tools.cli import console
 from robot_retarget.tools.view.page import save_page
-from robot_retarget.tools.view.web.pack import Packer
-from robot_retarget.tools.view.web.show import take_header
+from robot_retarget.tools.view.web.show import Packer, take_header
 from robot_retarget.tools.view.web.take import take_of
 from robot_retarget.trajectory import load_trajectory
 

@@ -14,7 +14,8 @@ from robot_retarget.formats import FORMATS, FormatOptions
 from robot_retarget.scene.geoms import PREFIX
 from robot_retarget.scene.scene import RigidBody, Scene
 from robot_retarget.scene.shape import ShapeKind, height_field, mesh, solid
-from robot_retarget.tools.view import Picture, strip
+from robot_retarget.tools.view.film import strip
+from robot_retarget.tools.view.picture import Picture
 
 OP3 = rr.load_robot("op3")
 CUBE = solid(ShapeKind.BOX, (0.1, 0.2, 0.3))

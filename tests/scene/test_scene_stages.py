@@ -18,9 +18,8 @@ from robot_retarget.scene.scene import RigidBody, Scene, extrapolated
 from robot_retarget.scene.shape import ShapeKind, height_field, solid
 from robot_retarget.scores.score import score
 from robot_retarget.tools.view.staging import arrange
-from robot_retarget.tools.view.web.pack import Packer
 from robot_retarget.tools.view.web.shapes import shapes_of_scene
-from robot_retarget.tools.view.web.show import take_header
+from robot_retarget.tools.view.web.show import Packer, take_header
 from robot_retarget.tools.view.web.take import take_of
 from robot_retarget.trajectory import Trajectory, load_trajectory
 

@@ -10,9 +10,8 @@ import pytest
 from made_trajectories import hold
 
 from robot_retarget.robot import load_robot
-from robot_retarget.tools.view.web.page import Viewer
 from robot_retarget.tools.view.web.serve import LONGEST, serve
-from robot_retarget.tools.view.web.take import Take
+from robot_retarget.tools.view.web.take import Take, Viewer
 
 OP3 = load_robot("op3")
 

@@ -15,8 +15,8 @@ from robot_retarget.edit.touchup import Session, graph_of
 from robot_retarget.human.read import read_motion
 from robot_retarget.judge.rollout import simulate
 from robot_retarget.robot import load_robot
-from robot_retarget.tools.view.web import Viewer, take_of
 from robot_retarget.tools.view.web.serve import serve
+from robot_retarget.tools.view.web.take import Viewer, take_of
 from robot_retarget.trajectory import load_trajectory
 
 WAVE = ROOT / "samples/wave.bvh"

@@ -14,13 +14,11 @@ from robot_retarget.base.files import SAMPLES
 from robot_retarget.human.match import match_bodies
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot, recognise
-from robot_retarget.tools.view import Film, Picture, Unavailable, strip, video
 from robot_retarget.tools.view.draw import Sketch
-from robot_retarget.tools.view.gl import open_context
-from robot_retarget.tools.view.human import COLOUR, stick_figure
-from robot_retarget.tools.view.render import TILE, open_stage
-from robot_retarget.tools.view.staging import arrange, geom_corners, visible
-from robot_retarget.tools.view.strip import GAP
+from robot_retarget.tools.view.film import GAP, Film, strip, video
+from robot_retarget.tools.view.picture import Picture, Unavailable
+from robot_retarget.tools.view.render import TILE, open_context, open_stage
+from robot_retarget.tools.view.staging import FIGURE, arrange, geom_corners, stick_figure, visible
 from robot_retarget.trajectory import Trajectory
 
 OP3 = load_robot("op3")
@@ -39,7 +37,7 @@ def stick_man(frames: int = 20, stature: float = 1.7, travel: float = 0.0) -> np
 def orange(pixels: np.ndarray) -> np.ndarray:
     """Where the human is seen: its hue, in light or shade."""
     red, green, blue = (pixels[..., c].astype(float) for c in range(3))
-    wanted = np.array(COLOUR[:3]) / COLOUR[0]
+    wanted = np.array(FIGURE[:3]) / FIGURE[0]
     return (red > 90) & (abs(green / (red + 1) - wanted[1]) < 0.12) & (abs(blue / (red + 1) - wanted[2]) < 0.12)
 
 

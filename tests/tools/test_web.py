@@ -20,12 +20,10 @@ from robot_retarget.judge.rollout import simulate
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.robot.timing import resample
-from robot_retarget.tools.view.web import Take, Viewer, file_names, take_of, view
-from robot_retarget.tools.view.web.pack import Packer
 from robot_retarget.tools.view.web.serve import serve
 from robot_retarget.tools.view.web.shapes import shapes_of
-from robot_retarget.tools.view.web.show import take_header
-from robot_retarget.tools.view.web.take import human_of
+from robot_retarget.tools.view.web.show import Packer, take_header
+from robot_retarget.tools.view.web.take import Take, Viewer, file_names, human_of, take_of, view
 
 G1 = SHARED / "robots/unitree_g1/unitree_g1.xml"
 ROBOTS = [pytest.param(("op3", 3.0), id="op3"), pytest.param((str(G1), 15.0), id="g1", marks=needs_shared)]

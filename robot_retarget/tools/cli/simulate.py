@@ -46,7 +46,7 @@ def simulate(how: SimulateOptions, robot: RobotOptions, printing: PrintOptions) 
     from robot_retarget.judge.rollout import mode_of
     from robot_retarget.judge.rollout import simulate as roll_out
     from robot_retarget.judge.thresholds import read_thresholds
-    from robot_retarget.tools.view import loop
+    from robot_retarget.tools.view.film import loop
     from robot_retarget.trajectory import load_trajectory
 
     page = how.page

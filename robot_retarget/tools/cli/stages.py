@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from robot_retarget.robot import Robot
     from robot_retarget.servo.outcome import PlaybackOutcome
     from robot_retarget.solver.result import Result
-    from robot_retarget.tools.view import AnimatedWebP, Film, Picture, Unavailable
+    from robot_retarget.tools.view.film import AnimatedWebP, Film
+    from robot_retarget.tools.view.picture import Picture, Unavailable
     from robot_retarget.trajectory import Trajectory
 
     Shown = Path | AnimatedWebP | Unavailable
@@ -138,7 +139,8 @@ def _shown(
     result: "Result", target: Path, film: bool, begin: "Callable[[str], Progress]"
 ) -> "tuple[Picture | None, Shown]":
     """Draw the strip, and the film or a loop of few pictures; notes name what cannot be drawn."""
-    from robot_retarget.tools.view import Film, Picture, loop, strip, video
+    from robot_retarget.tools.view.film import Film, loop, strip, video
+    from robot_retarget.tools.view.picture import Picture
 
     what, path = (result.robot, result.trajectory), target / "video.mp4"
     figure = result.match.figure(result.motion)
@@ -155,14 +157,14 @@ def _shown(
 
 def _note_of(drawn: "Film | Picture | Unavailable") -> str:
     """Return the note of a film or picture, or the reason for its lack."""
-    from robot_retarget.tools.view import Unavailable
+    from robot_retarget.tools.view.picture import Unavailable
 
     return drawn.reason if isinstance(drawn, Unavailable) else drawn.note
 
 
 def _write_viewer(result: "Result", report: "Report", page: Path) -> Path:
     """Write the viewer of the motion."""
-    from robot_retarget.tools.view.web import view
+    from robot_retarget.tools.view.web.take import view
 
     return view(result, report=report).save(page)
 
@@ -177,8 +179,8 @@ def write_page(
     viewer: Path | None = None,
 ) -> None:
     """Write the report's page; what hinders it is said."""
-    from robot_retarget.tools.view import Unavailable
     from robot_retarget.tools.view.page import save_page
+    from robot_retarget.tools.view.picture import Unavailable
 
     drawn = save_page(report, trajectory, page, warnings=warnings, strip=strip, film=film, viewer=viewer)
     if isinstance(drawn, Unavailable):
@@ -187,8 +189,8 @@ def write_page(
 
 def draw_warnings(warnings: "Warnings", path: Path) -> None:
     """Draw the pairs that were flagged; what cannot be drawn is said."""
-    from robot_retarget.tools.view import Unavailable
-    from robot_retarget.tools.view.approaches import plot_warnings
+    from robot_retarget.tools.view.charts import plot_warnings
+    from robot_retarget.tools.view.picture import Unavailable
 
     drawn = plot_warnings(warnings, path)
     console.note(drawn.reason if isinstance(drawn, Unavailable) else f"drew {drawn}")

@@ -197,7 +197,7 @@ def _to_stdout(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str, 
 def _to_page(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str, Any], int]:
     from threading import Thread
 
-    from robot_retarget.tools.view.web.sink import PageSink
+    from robot_retarget.tools.view.web.serve import PageSink
 
     sink = PageSink(poses.robot, place.page, poses.scene)
     console.to_stderr(f"{sink.served.address} shows it; from elsewhere first: {sink.served.tunnel_command()}")

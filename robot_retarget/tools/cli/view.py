@@ -14,9 +14,9 @@ from robot_retarget.tools.cli.stages import require_source
 
 if TYPE_CHECKING:
     from robot_retarget.human.motion import Motion
-    from robot_retarget.tools.view.web import Take
     from robot_retarget.tools.view.web.serve import Editor
     from robot_retarget.tools.view.web.serve import Served as Server
+    from robot_retarget.tools.view.web.take import Take
 
 commands: typer.Typer = typer.Typer()
 
@@ -69,8 +69,8 @@ def view(viewed: ViewOptions, drawn: DrawOptions, served: ServeOptions, printing
 
     from robot_retarget.base.files import require_writable
     from robot_retarget.judge.rollout import simulate
-    from robot_retarget.tools.view.web import Viewer
     from robot_retarget.tools.view.web.serve import serve
+    from robot_retarget.tools.view.web.take import Viewer
 
     for path in drawn.files:
         require_writable(path)
@@ -93,7 +93,7 @@ def view(viewed: ViewOptions, drawn: DrawOptions, served: ServeOptions, printing
 def _takes(viewed: ViewOptions, clip: "Motion | None") -> "tuple[Take, ...]":
     from robot_retarget.formats import load_trajectory
     from robot_retarget.judge.rollout import report_beside, simulate
-    from robot_retarget.tools.view.web import file_names, take_of
+    from robot_retarget.tools.view.web.take import file_names, take_of
 
     trajectories, robots, mode = viewed.trajectories, viewed.robot, viewed.simulated
     if len(robots) not in (1, len(trajectories)):
@@ -117,10 +117,10 @@ def _draw(take: "Take", drawn: DrawOptions) -> None:
     Raises:
         UsageError: a picture cannot be drawn.
     """
-    from robot_retarget.tools.view import Unavailable
-    from robot_retarget.tools.view import gif as write_gif
-    from robot_retarget.tools.view import strip as draw_strip
-    from robot_retarget.tools.view import video as write_video
+    from robot_retarget.tools.view.film import gif as write_gif
+    from robot_retarget.tools.view.film import strip as draw_strip
+    from robot_retarget.tools.view.film import video as write_video
+    from robot_retarget.tools.view.picture import Unavailable
 
     shown = (take.human.points, take.human.bones) if take.human else (None, None)
     what = take.robot, take.trajectory
@@ -134,7 +134,8 @@ def _draw(take: "Take", drawn: DrawOptions) -> None:
 
 
 def _require_drawn(outcome: object, path: Path) -> None:
-    from robot_retarget.tools.view import Film, Unavailable
+    from robot_retarget.tools.view.film import Film
+    from robot_retarget.tools.view.picture import Unavailable
 
     if isinstance(outcome, Unavailable):
         raise UsageError(f"cannot draw {path}: {outcome.reason}")

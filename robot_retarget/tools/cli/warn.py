@@ -27,7 +27,7 @@ def warn(warned: WarnedOptions, robot: RobotOptions, printing: PrintOptions) -> 
     from robot_retarget.base.files import require_suffix, require_writable
     from robot_retarget.collision.events import figures_of, write_csv
     from robot_retarget.collision.warn import WarnOptions, warnings_of
-    from robot_retarget.tools.view.approaches import require_drawable
+    from robot_retarget.tools.view.charts import require_drawable
     from robot_retarget.trajectory import load_trajectory
 
     output, plot = warned.output, warned.plot

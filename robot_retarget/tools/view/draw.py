@@ -8,16 +8,17 @@ from PIL import Image, ImageDraw
 from scipy.spatial import ConvexHull, QhullError
 
 from robot_retarget.base.arrays import Floats
-from robot_retarget.tools.view import human
 from robot_retarget.tools.view.picture import Pixels
 from robot_retarget.tools.view.staging import (
     FIELD_OF_VIEW,
+    FIGURE,
     LINK,
     METAL,
     Colour,
     Staging,
     camera_axes,
     geom_corners,
+    stick_figure,
     visible,
 )
 
@@ -35,7 +36,7 @@ class Sketch:
     """Draws the moments of one staging."""
 
     def __init__(self, staging: Staging, width: int, height: int):
-        self._figure = human.stick_figure(staging)
+        self._figure = stick_figure(staging)
         self._staging, self._size = staging, (width * FINE, height * FINE)
         model = staging.robot.model
         geoms = visible(model)
@@ -89,7 +90,7 @@ class Sketch:
     def _limbs(self, pen: ImageDraw.ImageDraw, k: int) -> list[Shape]:
         points, depth = self._project(self._staging.human[k], k)
         return [
-            self._capsule(pen, points[[a, b]], depth[[a, b]], radius, human.COLOUR)
+            self._capsule(pen, points[[a, b]], depth[[a, b]], radius, FIGURE)
             for (a, b), radius in zip(self._figure.limbs, self._figure.radii, strict=True)
         ]
 

@@ -16,8 +16,8 @@ from robot_retarget.judge.report import Report
 from robot_retarget.judge.report_text import facts, headline, judged_lines
 from robot_retarget.judge.units import shown
 from robot_retarget.tools.view import charts
-from robot_retarget.tools.view.approaches import NEEDS_MATPLOTLIB
-from robot_retarget.tools.view.loop import AnimatedWebP
+from robot_retarget.tools.view.charts import NEEDS_MATPLOTLIB
+from robot_retarget.tools.view.film import AnimatedWebP
 from robot_retarget.tools.view.picture import Picture, Unavailable
 from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory
 

@@ -1,6 +1,8 @@
 """Data of a take for the page: names and numbers in a header, everything else as packed arrays."""
 
-from typing import Any
+import gzip
+import json
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -12,13 +14,116 @@ from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import joint_velocities
 from robot_retarget.scene.scene import Scene
-from robot_retarget.tools.view import human
-from robot_retarget.tools.view.staging import Staging, arrange
-from robot_retarget.tools.view.web.layers import anchors, footholds, keypoints_of, near_pairs, outline, runs
-from robot_retarget.tools.view.web.pack import ANGLE, LENGTH, TURN, Packer
-from robot_retarget.tools.view.web.shapes import Shape, shapes_of, shapes_of_scene
-from robot_retarget.tools.view.web.stress import stress_of
-from robot_retarget.tools.view.web.take import Take
+from robot_retarget.solver.solution import Solution
+from robot_retarget.tools.view.staging import Staging, arrange, stick_figure
+from robot_retarget.tools.view.web.shapes import (
+    Shape,
+    anchors,
+    footholds,
+    keypoints_of,
+    near_pairs,
+    outline,
+    runs,
+    shapes_of,
+    shapes_of_scene,
+)
+
+if TYPE_CHECKING:
+    from robot_retarget.tools.view.web.take import Take
+
+# Arrays in few bytes for a page: whole numbers of a step, differences along the first axis, gzip.
+#
+# A file is the length of a JSON header (uint32, little endian), the header, and the arrays. In the header an array is
+# {"type", "step", "shape", "offset"}; its value is step × the running sum over the first axis, wrapped to its type, and the
+# smallest number of the type means "no value". `assets/data.js` reads it.
+
+LENGTH = 1e-4
+"""Step of places [m]."""
+TURN = 1 / 16384
+"""Step of poses: places [m] and quaternions [-] alike; two metres fit into two bytes."""
+ANGLE = 1e-4
+"""Step of joint angles [rad] and, a thousandfold, of anything that is read off a chart."""
+
+
+class Packer:
+    """Collects arrays; `add` returns their entry for the header."""
+
+    def __init__(self) -> None:
+        self._parts: list[bytes] = []
+        self._size = 0
+
+    def add(self, values: Any, step: float = 1.0) -> dict[str, Any]:
+        """Add an array of any shape, rounded to multiples of a step; values that are not finite are stored as "no value"."""
+        array = np.asarray(values, dtype=float)
+        finite = np.isfinite(array)
+        whole = np.rint(np.where(finite, array, 0) / step)
+        narrow = np.abs(whole).max(initial=0) < np.iinfo(np.int16).max
+        kind = np.int16 if narrow else np.int32
+        whole = np.where(finite, np.clip(whole, -(2**31) + 1, 2**31 - 1), np.iinfo(kind).min).astype(kind)
+        if whole.ndim:
+            with np.errstate(over="ignore"):
+                whole = np.concatenate([whole[:1], np.diff(whole, axis=0)])
+        data = whole.astype(f"<i{whole.itemsize}").tobytes()
+        place = {"type": f"i{whole.itemsize}", "step": step, "shape": list(array.shape), "offset": self._size}
+        padded = data + bytes(-len(data) % 4)
+        self._parts.append(padded)
+        self._size += len(padded)
+        return place
+
+    def packed(self, header: Any) -> bytes:
+        """Header and arrays, compressed; the same content always gives the same bytes.
+
+        Raises:
+            ValueError: the header holds a number that is not finite.
+        """
+        text = json.dumps(header, separators=(",", ":"), allow_nan=False).encode()
+        text += b" " * (-len(text) % 4)
+        return gzip.compress(len(text).to_bytes(4, "little") + text + b"".join(self._parts), 9, mtime=0)
+
+
+# Stress by kind of edge, and the edges between keypoints with the largest cost.
+
+EDGES = 60
+"""Number of edges in the page, the costliest over the clip first; it draws five of them until more are chosen."""
+FINE = 1e-3
+"""Resolution of edges: metres, and shares of the largest."""
+
+
+def stress_of(solution: Solution, packer: Packer) -> dict[str, Any]:
+    """The cost of every kind by frame, and the edges: kind, ends, target interval, measured distance, π, stress."""
+    kinds = {name: values for name, values in solution.stress.items() if np.any(values > 0)}
+    cost = np.stack(list(kinds.values()), axis=1) if kinds else np.zeros((len(solution.cost), 0))
+    return {"kinds": list(kinds), "cost": packer.add(cost, _step(cost)), "edges": _edges(solution, packer)}
+
+
+def _edges(solution: Solution, packer: Packer) -> dict[str, Any] | None:
+    keypoints = solution.graph.match.keypoints
+    found: list[tuple[str, str, str]] = []
+    columns: list[Floats] = []
+    for kind, measured in solution.measured.items():
+        track, stress = solution.graph.kinds[kind], solution.edge_stress(kind)
+        for k, (a, b) in enumerate(track.ends):
+            if not track.axes and a in keypoints and b in keypoints:
+                found.append((kind, a, b))
+                columns.append(
+                    np.stack([track.lower[:, k], track.upper[:, k], measured[:, k], track.priority[:, k], stress[:, k]])
+                )
+    if not found:
+        return None
+    every = np.stack(columns, axis=2)
+    chosen = np.argsort(-every[4].sum(axis=0), kind="stable")[:EDGES]
+    names = ("lower", "upper", "measured", "priority", "stress")
+    packed = {
+        name: packer.add(values[:, chosen], FINE if name in names[:3] else _step(values[:, chosen]))
+        for name, values in zip(names, every, strict=True)
+    }
+    return {"ends": [found[k] for k in chosen.tolist()], **packed}
+
+
+def _step(values: Floats) -> float:
+    """A thousandth of the largest value."""
+    return float(np.max(values, initial=0.0)) * FINE or FINE
+
 
 SCALAR_LAST = [0, 1, 2, 4, 5, 6, 3]
 """Columns of a pose with the quaternion as x y z w, from one as w x y z."""
@@ -26,7 +131,7 @@ COARSE = 1e-3
 """Resolution of charts: degrees, centimetres, newton metres."""
 
 
-def take_header(take: Take, packer: Packer) -> dict[str, Any]:
+def take_header(take: "Take", packer: Packer) -> dict[str, Any]:
     """Return the header of one take; its arrays go into the packer."""
     robot, trajectory = take.robot, take.trajectory
     times = np.arange(len(trajectory)) / trajectory.fps
@@ -116,8 +221,8 @@ def _around(scene: Scene, frames: int, packer: Packer) -> dict[str, Any]:
     }
 
 
-def _human(take: Take, staging: Staging, packer: Packer) -> dict[str, Any]:
-    figure = human.stick_figure(staging)
+def _human(take: "Take", staging: Staging, packer: Packer) -> dict[str, Any]:
+    figure = stick_figure(staging)
     return {
         "names": list(take.human.names) if take.human else [],
         "points": packer.add(staging.human, LENGTH),
@@ -135,7 +240,7 @@ def _keypoints(robot: Robot, qpos: Floats, packer: Packer) -> dict[str, Any] | N
     return {"names": list(found.names), "points": packer.add(found.points, LENGTH), "bones": found.bones.tolist()}
 
 
-def _joints(take: Take, packer: Packer) -> dict[str, Any]:
+def _joints(take: "Take", packer: Packer) -> dict[str, Any]:
     robot, trajectory = take.robot, take.trajectory
     speed = joint_velocities(trajectory, robot)
     held = np.concatenate([speed, speed[-1:]]) if len(speed) else np.zeros((1, len(robot.joint_ids)))
@@ -175,7 +280,7 @@ def _stance(stance: Stance, fps: float, packer: Packer) -> dict[str, Any]:
     }
 
 
-def _warnings(take: Take, staging: Staging, packer: Packer) -> dict[str, Any]:
+def _warnings(take: "Take", staging: Staging, packer: Packer) -> dict[str, Any]:
     """The nearest pairs by frame, and every warning as a stretch."""
     warnings = take.warnings
     assert warnings is not None
@@ -202,7 +307,7 @@ def _warnings(take: Take, staging: Staging, packer: Packer) -> dict[str, Any]:
     }
 
 
-def _report(take: Take, report: Report, shapes: list[Shape], packer: Packer) -> dict[str, Any]:
+def _report(take: "Take", report: Report, shapes: list[Shape], packer: Packer) -> dict[str, Any]:
     """Return the badge, the reasons and the simulated motion, if it is that of the trajectory."""
     robot, series = take.robot, {} if take.stale else report.series
     simulated = series.get("simulated", np.zeros((0, robot.model.nq)))

@@ -1,4 +1,4 @@
-// Reads what robot_retarget.tools.view.web.pack wrote.
+// Reads what robot_retarget.tools.view.web.show wrote.
 
 const NONE = { i2: -32768, i4: -2147483648 };
 
