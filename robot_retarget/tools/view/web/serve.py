@@ -17,7 +17,7 @@ import numpy as np
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import RobotRetargetError, UsageError
 from robot_retarget.collision.warn import warnings_of
-from robot_retarget.human.live_scene import first_frame
+from robot_retarget.human.surroundings import first_frame
 from robot_retarget.judge.report import Report
 from robot_retarget.live.loop import LivePose
 from robot_retarget.robot.model import Robot

@@ -13,11 +13,11 @@ from robot_retarget.base.errors import MatchError
 from robot_retarget.base.keypoints import parents_within
 from robot_retarget.collision.warn import Warnings
 from robot_retarget.robot.body_distances import RobotAmongBodies
+from robot_retarget.robot.dynamics import Stance
 from robot_retarget.robot.geoms import collision_geoms
 from robot_retarget.robot.kinematics import world_points
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.recognise import recognise
-from robot_retarget.robot.stance import Stance
 from robot_retarget.scene.geoms import CARTON, PREFIX, STANDING, moving_bodies, place_bodies
 from robot_retarget.scene.scene import Scene
 from robot_retarget.scene.shape import BodyShape, ShapeKind
