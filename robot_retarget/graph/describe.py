@@ -8,6 +8,7 @@ enforces only the tracks of a graph.
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,14 +16,11 @@ from robot_retarget.base.arrays import Bools, Floats
 from robot_retarget.base.errors import UsageError
 from robot_retarget.graph.added import added_edge, with_added
 from robot_retarget.graph.graph import Graph
-from robot_retarget.graph.kind import Kind, RetargetContext
+from robot_retarget.graph.kind import Kind, RetargetContext, StreamFrame, UnbalancedPhase
 from robot_retarget.graph.kinds import clip_kinds
 from robot_retarget.graph.kinds.own import End
-from robot_retarget.graph.path import pelvis_path
-from robot_retarget.graph.phase import UnbalancedPhase
-from robot_retarget.graph.placed_scene import captured_scene
-from robot_retarget.graph.role import STEP, Role
-from robot_retarget.graph.track import Track, frame_costs
+from robot_retarget.graph.placed_scene import PlacedScene, captured_scene, pelvis_path
+from robot_retarget.graph.track import STEP, Role, Track, columns_of, frame_costs, ordered
 from robot_retarget.graph.weights import REFERENCE_FPS, Weights
 from robot_retarget.human.features import HumanFeatures, features_of
 from robot_retarget.human.match import Match, match, read_map
@@ -284,3 +282,39 @@ def graph_from(graph: RobotGraph, human: HumanFeatures) -> RobotGraph:
         (track.kind.targets(context) if track.kind.follows_human else None) or track for track in graph.tracks
     )
     return replace(graph, tracks=tracks, pelvis=pelvis_path(human, graph.match))
+
+
+class CausalTargets:
+    """Targets of a graph, frame by frame. Edges that do not follow the human keep the targets of the first frame."""
+
+    lower: Floats
+    upper: Floats
+    priority: Floats
+    scene: PlacedScene | None
+    """The bodies around the robot at the latest frame."""
+
+    def __init__(self, graph: RobotGraph):
+        tracks = ordered(graph.tracks)
+        sides = zip(*((*track.intervals, track.priority) for track in tracks), strict=True)
+        self.lower, self.upper, self.priority = (np.concatenate([each[0] for each in side]) for side in sides)
+        self.context = RetargetContext(graph.human, graph.match, graph.robot, graph.weights)
+        self.scene = self.context.scene
+        columns = columns_of(tracks)
+        self.following: list[tuple[Kind, slice, dict[str, Any]]] = [
+            (t.kind, columns[t.name], {}) for t in tracks if t.kind.follows_human
+        ]
+
+    def at(self, human: HumanFeatures, corners: Floats, seconds: float) -> tuple[Floats, Floats, Floats]:
+        """Return lower, upper and π (E,) for the human of a frame, `seconds` after the one before.
+
+        Args:
+            corners: (F, 4, 3) positions of the robot's sole corners [m].
+        """
+        own = self.context
+        frame = StreamFrame(human, own.match, own.robot, own.weights, own, corners, seconds)
+        self.scene = frame.scene
+        for kind, edges, memory in self.following:
+            found = kind.step(frame, memory)
+            if found is not None:
+                self.lower[edges], self.upper[edges], self.priority[edges] = found
+        return self.lower, self.upper, self.priority

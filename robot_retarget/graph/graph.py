@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike
 
 from robot_retarget.base.arrays import Bools, Floats
 from robot_retarget.base.errors import GraphError, known
-from robot_retarget.graph.role import FRAME, Role
-from robot_retarget.graph.track import HARD, Track
+from robot_retarget.graph.track import FRAME, HARD, Role, Track
 
 ROW = np.dtype(
     [

@@ -1,35 +1,138 @@
 """Kinds of edges: targets from the human's motion, a measure on the robot, a role, and the frames that an edge joins.
 
-A kind is one file with one small class on `Kind`, and one line in `kinds/__init__.py` or an entry point of the group
+A kind is one small class on `Kind`, and one line in `kinds/__init__.py` or an entry point of the group
 `robot_retarget.kinds`. Solver, stream, balance and reports know kinds by this class only.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robot_retarget.base.arrays import Floats
-from robot_retarget.graph.context import RetargetContext as RetargetContext
-from robot_retarget.graph.context import StreamFrame as StreamFrame
-from robot_retarget.graph.phase import Phase as Phase
-from robot_retarget.graph.role import FRAME as FRAME
-from robot_retarget.graph.role import Form as Form
-from robot_retarget.graph.role import Role as Role
+from robot_retarget.base.arrays import Bools, Floats
+from robot_retarget.graph.placed_scene import PlacedScene, placed_scene
 from robot_retarget.graph.rows import ClipRows as ClipRows
 from robot_retarget.graph.rows import MeasureRows as MeasureRows
 from robot_retarget.graph.rows import RowState as RowState
 from robot_retarget.graph.rows import RowStates as RowStates
-from robot_retarget.graph.track import Track as Track
+from robot_retarget.graph.track import FRAME as FRAME
+from robot_retarget.graph.track import Form, Role, Track
 from robot_retarget.graph.track import exact as exact
+from robot_retarget.graph.weights import Weights
 from robot_retarget.human.features import HumanFeatures
+from robot_retarget.human.match import Match
+from robot_retarget.robot import Robot
 from robot_retarget.scene.scene import Scene
 
 if TYPE_CHECKING:
     import casadi as ca
 
     from robot_retarget.graph.symbolic_robot import SymbolicRobot
+
+
+# What kinds read
+
+
+@dataclass(frozen=True, eq=False)
+class RetargetContext:
+    """The inputs of a kind's targets."""
+
+    human: HumanFeatures
+    match: Match
+    robot: Robot
+    weights: Weights
+
+    @cached_property
+    def scene(self) -> PlacedScene | None:
+        """The bodies around, in the robot's world; None without a scene."""
+        return placed_scene(self.human, self.match)
+
+    @property
+    def leg(self) -> float:
+        """Length of the robot's leg [m], the scale of position errors."""
+        return self.match.robot_leg
+
+
+@dataclass(frozen=True, eq=False)
+class StreamFrame(RetargetContext):
+    """The inputs of a kind's targets at one frame of a stream; `human` has this frame alone."""
+
+    calibration: RetargetContext
+    """The frames that calibrated the performer."""
+    corners: Floats
+    """(F, 4, 3) corners of the robot's soles at the frame before [m]."""
+    seconds: float
+    """Time since the frame before [s]."""
+
+    @cached_property
+    def scene(self) -> PlacedScene | None:
+        """The bodies around at this frame, placed as those of the calibration; None without a scene."""
+        known, around = self.calibration.scene, self.human.around
+        return None if known is None or around is None else known.moved(around.scene)
+
+
+# Phases of a solution that change targets
+
+
+class Phase:
+    """A phase; it leaves the targets of most kinds unchanged."""
+
+    def of(self, track: Track) -> Track:
+        """Return the targets of a kind without targets of its own in this phase."""
+        return track
+
+
+class UnbalancedPhase(Phase):
+    """No balance follows: the motion is judged by its likeness alone."""
+
+
+class CoarsePhase(Phase):
+    """The coarse path is sought; no measures of the robot are known."""
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedPhase(Phase):
+    """The coarse path is known; the kind receives its measures (T, E)."""
+
+    fixed: int = 0
+    """Number of frames at the start that keep their targets."""
+    unreached: Bools | None = None
+    """(T,) frames at which no pose meets the hard edges together, once that is known."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlaybackPhase(Phase):
+    """K frames of a balanced playback, which starts and ends in a stand; the kind receives the measures (K, E) in them.
+
+    Symbolic costs fade out towards the stands.
+    """
+
+    share: Floats
+    """(K, 1) share of the human's motion, 0 in the stands."""
+    soles: Floats
+    """(K, F · 4 · 3) places of the sole corners [m]."""
+    grip: Floats
+    """(K, F · 4 · 3) π of these."""
+    standing: float
+    """π of joints at their standing angles [1/rad²]."""
+    upright: float
+    """π of the pelvis in a stand."""
+    height: float
+    """π of the height of the pelvis, over the squared leg."""
+
+    def of(self, track: Track) -> Track:
+        """Return the targets with the priorities multiplied by the share."""
+        fades = (track.role, track.kind.form) == (Role.COST, Form.SYMBOLIC)
+        return track.weighed(self.share) if fades else track
+
+
+class StandPhase(PlaybackPhase):
+    """One frame of a balanced stand; the kind receives the measures (1, E) in the standing pose."""
+
+
+# Kinds
 
 AXES = ("x", "y", "z")
 SHORTEST = 1e-6

@@ -13,7 +13,7 @@ import numpy as np
 
 from robot_retarget.base.arrays import Floats, Ints
 from robot_retarget.base.errors import GraphError, known
-from robot_retarget.graph.role import FRAME
+from robot_retarget.graph.track import FRAME
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Points, Robot
 from robot_retarget.robot.kinematics import Bodies, carrying, mass_shares

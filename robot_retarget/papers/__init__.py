@@ -8,8 +8,8 @@ from robot_retarget.graph.interaction import Interaction as Interaction
 from robot_retarget.graph.interaction import interaction_distance as interaction_distance
 from robot_retarget.graph.interaction import pair_gradient as pair_gradient
 from robot_retarget.graph.interaction import pair_interaction as pair_interaction
-from robot_retarget.graph.objective import Objective as Objective
-from robot_retarget.graph.status import Status as Status
+from robot_retarget.graph.track import Objective as Objective
+from robot_retarget.graph.track import Status as Status
 from robot_retarget.human.match import normalised_distances as normalised_distances
 from robot_retarget.human.match import path_priorities as path_priorities
 from robot_retarget.human.match import path_weights as path_weights

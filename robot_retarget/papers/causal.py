@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from robot_retarget.base.arrays import frozen
 from robot_retarget.base.errors import UsageError
-from robot_retarget.graph.objective import Objective
+from robot_retarget.graph.track import Objective
 from robot_retarget.papers.newton import Newton
 from robot_retarget.papers.points import PointGraph
 from robot_retarget.papers.solution import PointSolution

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import GraphError
-from robot_retarget.graph.objective import Objective, edge_terms
-from robot_retarget.graph.role import FRAME
+from robot_retarget.graph.track import FRAME, Objective, edge_terms
 from robot_retarget.papers.evaluation import Intervals, intervals_of, lengths, value_and_gradient
 from robot_retarget.papers.incidence import Incidence
 from robot_retarget.papers.points import PointGraph

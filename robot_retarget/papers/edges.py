@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from robot_retarget.base.arrays import Floats, Ints
 from robot_retarget.graph.kind import Kind
-from robot_retarget.graph.role import FRAME, SECOND_DIFFERENCE, STEP, Role
-from robot_retarget.graph.track import Track
+from robot_retarget.graph.track import FRAME, SECOND_DIFFERENCE, STEP, Role, Track
 
 
 class Distance(IntEnum):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robot_retarget.base.arrays import Floats
-from robot_retarget.graph.objective import FLOOR, Objective, edge_terms
+from robot_retarget.graph.track import FLOOR, Objective, edge_terms
 from robot_retarget.papers.edges import Edges
 from robot_retarget.papers.incidence import Incidence, incidence
 from robot_retarget.papers.points import PointGraph

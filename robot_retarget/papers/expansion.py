@@ -18,8 +18,7 @@ import numpy as np
 from robot_retarget.base.arrays import Floats
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.kinds.own import OwnKind
-from robot_retarget.graph.objective import Objective
-from robot_retarget.graph.track import HARD, Track, exact
+from robot_retarget.graph.track import HARD, Objective, Track, exact
 from robot_retarget.papers.edges import BONE
 from robot_retarget.papers.points import PointGraph
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robot_retarget.base.arrays import Floats, Ints, frozen
-from robot_retarget.graph.objective import Objective
+from robot_retarget.graph.track import Objective
 from robot_retarget.papers.columns import Reduced, box_of
 from robot_retarget.papers.evaluation import intervals_of, operator
 from robot_retarget.papers.points import PointGraph

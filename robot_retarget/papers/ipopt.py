@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import GraphError
-from robot_retarget.graph.objective import FLOOR, Objective
-from robot_retarget.graph.status import Status
+from robot_retarget.graph.track import FLOOR, Objective, Status
 from robot_retarget.papers.columns import box_of
 from robot_retarget.papers.edges import BONE, SEPARATION, Edges, PointKind
 from robot_retarget.papers.evaluation import operator, rows

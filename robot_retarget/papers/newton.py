@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_retarget.base.arrays import Floats, Ints
-from robot_retarget.graph.objective import Objective, edge_terms
-from robot_retarget.graph.status import Status
+from robot_retarget.graph.track import Objective, Status, edge_terms
 from robot_retarget.papers.columns import box_of
 from robot_retarget.papers.evaluation import intervals_of, lengths, operator
 from robot_retarget.papers.points import PointGraph

@@ -12,8 +12,7 @@ from robot_retarget.base.arrays import Bools, Floats, frozen
 from robot_retarget.base.errors import GraphError, known
 from robot_retarget.graph.graph import Graph
 from robot_retarget.graph.interaction import Interaction
-from robot_retarget.graph.role import FRAME
-from robot_retarget.graph.track import Track, merged
+from robot_retarget.graph.track import FRAME, Track, merged
 from robot_retarget.papers.edges import Edges, expand
 
 

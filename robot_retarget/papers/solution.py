@@ -7,8 +7,7 @@ import numpy as np
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.graph.graph import EdgeError
-from robot_retarget.graph.objective import Objective
-from robot_retarget.graph.status import Status
+from robot_retarget.graph.track import Objective, Status
 from robot_retarget.papers.evaluation import distances, errors, relative_errors, stress
 from robot_retarget.papers.points import PointGraph
 

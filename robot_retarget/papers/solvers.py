@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from robot_retarget.base.arrays import Floats, frozen
 from robot_retarget.base.errors import UsageError
-from robot_retarget.graph.objective import Objective
+from robot_retarget.graph.track import Objective
 from robot_retarget.papers.columns import Explicit, Reduced, blocks, box_of, by_frame, taken
 from robot_retarget.papers.evaluation import Intervals, intervals_of, lengths, operator
 from robot_retarget.papers.incidence import Incidence

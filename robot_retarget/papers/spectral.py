@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import UsageError
-from robot_retarget.graph.status import Status
+from robot_retarget.graph.track import Status
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ import numpy as np
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import GraphError
-from robot_retarget.graph.objective import Objective
+from robot_retarget.graph.track import Objective
 from robot_retarget.papers.columns import Lifted, Reduced
 from robot_retarget.papers.evaluation import intervals_of, operator
 from robot_retarget.papers.points import PointGraph

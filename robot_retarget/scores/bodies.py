@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats
-from robot_retarget.graph.kinds.clearance import links_of
+from robot_retarget.graph.kinds.bodies import links_of
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.scores.figure import Figure, Value, measures
 from robot_retarget.scores.subject import Subject

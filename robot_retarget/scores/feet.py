@@ -20,7 +20,7 @@ feet_travel_m: how far the feet travel, the largest distance of a sole's middle 
 
 held_pct: frames in which something other than the feet would have to hold the robot up: the root is lower than 80 % of its standing height
 h and farther than 0.3 h from the middle of the feet along the floor. Unit: % of frames, range: 0 to 100 %. The robot has no chair and does
-not push with its hands: a seat, an object and lying all count. Source: the rule of `human.activity`, on the robot.
+not push with its hands: a seat, an object and lying all count. Source: the rule of `human.features`, on the robot.
 
 zmp_out_pct and zmp_margin_cm: share of frames with a foot on the floor in which the zero moment point leaves the convex hull of the sole
 points that are down, and the 5th percentile of its distance inside. Unit: %, cm. Range: 0 to 100; any sign. Sole points within 6 mm of the

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation, RotationSpline
 
 from robot_retarget.base.arrays import Floats, Ints
 from robot_retarget.graph.describe import RobotGraph
-from robot_retarget.graph.status import Status
+from robot_retarget.graph.track import Status
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import SweptConfiguration, difference, integrate
 from robot_retarget.robot.model import HINGE

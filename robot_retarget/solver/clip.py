@@ -8,9 +8,8 @@ import numpy as np
 from robot_retarget.base.arrays import Bools, Floats
 from robot_retarget.base.progress import Count
 from robot_retarget.graph.describe import RobotGraph
-from robot_retarget.graph.phase import CoarsePhase, Phase, SolvedPhase
-from robot_retarget.graph.status import Status
-from robot_retarget.graph.track import Track, concatenated
+from robot_retarget.graph.kind import CoarsePhase, Phase, SolvedPhase
+from robot_retarget.graph.track import Status, Track, concatenated
 from robot_retarget.solver.candidates import coarse_path
 from robot_retarget.solver.descent import FrameSolution
 from robot_retarget.solver.options import Search, Smoothing

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, Ints
-from robot_retarget.graph.status import Status
+from robot_retarget.graph.track import Status
 from robot_retarget.solver.options import SolveOptions
 from robot_retarget.solver.problem import ClipTargets
 from robot_retarget.solver.quadratic import Between, Proximal, Quadratic

@@ -7,8 +7,7 @@ import numpy as np
 
 from robot_retarget.base.errors import GraphError, known
 from robot_retarget.graph.kind import Kind
-from robot_retarget.graph.role import CAUSAL_DIFFERENCE, FRAME, SECOND_DIFFERENCE, STEP, Form, Role
-from robot_retarget.graph.track import Track
+from robot_retarget.graph.track import CAUSAL_DIFFERENCE, FRAME, SECOND_DIFFERENCE, STEP, Form, Role, Track
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import tangent_names
 

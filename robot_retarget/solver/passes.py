@@ -7,9 +7,7 @@ import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, Ints
 from robot_retarget.base.progress import Count
-from robot_retarget.graph.role import SECOND_DIFFERENCE
-from robot_retarget.graph.status import Status
-from robot_retarget.graph.track import Track
+from robot_retarget.graph.track import SECOND_DIFFERENCE, Status, Track
 from robot_retarget.robot.kinematics import SweptConfiguration, difference, integrate, swept_configurations
 from robot_retarget.solver.descent import Box, Descent, FrameSolution
 from robot_retarget.solver.joined_path import joined_offsets, joined_rows

@@ -17,9 +17,8 @@ import numpy as np
 
 from robot_retarget.base.arrays import Floats, Ints, as_slice
 from robot_retarget.graph.kinds import KINDS
-from robot_retarget.graph.role import Form, Role
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
-from robot_retarget.graph.track import HARD, Track, columns_of, frame_costs, joins, ordered
+from robot_retarget.graph.track import HARD, Form, Role, Track, columns_of, frame_costs, joins, ordered
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot
 from robot_retarget.solver.build_key import build_key

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, Ints
-from robot_retarget.graph.role import FRAME, Form, Role
 from robot_retarget.graph.rows import ContactRows, MeasureRows, Past, RowState, RowStates
-from robot_retarget.graph.track import Track
+from robot_retarget.graph.track import FRAME, Form, Role, Track
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import SweptConfiguration, difference
 from robot_retarget.solver.near_links import LinearizedDistances, NearLinks

@@ -7,7 +7,7 @@ from functools import cached_property
 from robot_retarget.base.pages import card
 from robot_retarget.collision.warn import Warnings, warnings_of
 from robot_retarget.graph.describe import RobotGraph
-from robot_retarget.graph.status import Status
+from robot_retarget.graph.track import Status
 from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion
 from robot_retarget.robot import Robot

@@ -9,7 +9,7 @@ import numpy as np
 from robot_retarget.base.arrays import Floats, Ints
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.graph import EdgeError
-from robot_retarget.graph.status import Status
+from robot_retarget.graph.track import Status
 from robot_retarget.trajectory import Trajectory
 
 JUMP = 15.0

@@ -9,9 +9,8 @@ import numpy as np
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.progress import Count, Progress
 from robot_retarget.graph.describe import RobotGraph
-from robot_retarget.graph.role import SECOND_DIFFERENCE, Form, Role
 from robot_retarget.graph.rows import Past
-from robot_retarget.graph.status import Status
+from robot_retarget.graph.track import SECOND_DIFFERENCE, Form, Role, Status
 from robot_retarget.human.motion import Motion
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, tangent_names

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, Ints, as_slice
-from robot_retarget.graph.status import Status
+from robot_retarget.graph.track import Status
 from robot_retarget.robot import Robot
 from robot_retarget.robot.dynamics import raise_root, root_dofs
 from robot_retarget.robot.kinematics import SweptConfiguration, difference, integrate, parts_between

@@ -19,8 +19,7 @@ from retarget_figures import figures
 import robot_retarget as rr
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.files import SAMPLES
-from robot_retarget.graph.causal.targets import CausalTargets
-from robot_retarget.graph.describe import at_rate
+from robot_retarget.graph.describe import CausalTargets, at_rate
 from robot_retarget.human.causal import CausalFeatures
 from robot_retarget.human.motion import Motion
 from robot_retarget.robot import Robot

@@ -21,11 +21,10 @@ from robot_retarget.graph.footholds import (
     footholds_of,
     median_pose,
     settled_heading,
-    soles_of,
     without_unreachable,
 )
-from robot_retarget.graph.phase import SolvedPhase
-from robot_retarget.graph.soles import HEEL, TOE, flattened, lengths
+from robot_retarget.graph.kind import SolvedPhase
+from robot_retarget.graph.soles import HEEL, TOE, flattened, lengths, soles_of
 from robot_retarget.graph.track import HARD
 from robot_retarget.human.features import features_of, floor_under
 from robot_retarget.human.match import match

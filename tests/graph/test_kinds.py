@@ -16,8 +16,8 @@ from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.graph.kind import Kind, RetargetContext
 from robot_retarget.graph.kinds import KINDS, stream_kinds
-from robot_retarget.graph.kinds.mass import MassKind
-from robot_retarget.graph.kinds.temporal import BOUNCE, SmoothnessKind
+from robot_retarget.graph.kinds.joints import BOUNCE, SmoothnessKind
+from robot_retarget.graph.kinds.pose import MassKind
 from robot_retarget.graph.symbolic_robot import SymbolicRobot, drawn_configurations
 from robot_retarget.graph.track import Track, exact, frame_costs
 from robot_retarget.human.read import read_motion

@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 from small_graphs import graph_of, of_kind
 
-from robot_retarget.graph.objective import FLOOR
+from robot_retarget.graph.track import FLOOR
 from robot_retarget.papers import (
     INTERACTION,
     Interaction,

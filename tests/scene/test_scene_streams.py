@@ -11,7 +11,7 @@ from shared_files import ROOT
 import robot_retarget as rr
 from robot_retarget.base.errors import SceneError
 from robot_retarget.graph.placed_scene import PlacedScene, placed_scene
-from robot_retarget.graph.status import Status
+from robot_retarget.graph.track import Status
 from robot_retarget.human.match import match
 from robot_retarget.human.surroundings import LiveScene
 from robot_retarget.human.terrain import with_terrain

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from shared_files import ROOT, SHARED, needs_shared
 
 import robot_retarget as rr
-from robot_retarget.graph.path import pelvis_path
+from robot_retarget.graph.placed_scene import pelvis_path
 from robot_retarget.judge.thresholds import Thresholds
 from robot_retarget.judge.verdict import unlikeness
 from robot_retarget.scores.likeness import likeness_of

@@ -7,7 +7,7 @@ from shared_files import SHARED, needs_shared
 
 from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import describe
-from robot_retarget.graph.status import Status
+from robot_retarget.graph.track import Status
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.coupling import Coupling

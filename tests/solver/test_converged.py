@@ -7,7 +7,7 @@ import pytest
 from shared_files import ROOT
 
 import robot_retarget as rr
-from robot_retarget.graph.status import Status
+from robot_retarget.graph.track import Status
 from robot_retarget.solver.options import Smoothing
 
 OP3 = rr.load_robot("op3")

@@ -9,7 +9,7 @@ from robot_retarget.base.arrays import Floats
 from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.graph.kinds import KINDS, STREAM_KINDS
-from robot_retarget.graph.role import SECOND_DIFFERENCE, Role
+from robot_retarget.graph.track import SECOND_DIFFERENCE, Role
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.distances import Separation

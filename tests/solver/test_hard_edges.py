@@ -13,7 +13,7 @@ from shared_files import ROOT
 import robot_retarget as rr
 from robot_retarget.base.errors import GraphError, UsageError
 from robot_retarget.graph.describe import RobotGraph, describe
-from robot_retarget.graph.status import Status
+from robot_retarget.graph.track import Status
 from robot_retarget.graph.weights import Weights
 from robot_retarget.robot import load_robot, world_points
 from robot_retarget.solver.options import Smoothing

@@ -24,8 +24,8 @@ from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.edits import Edit
 from robot_retarget.graph.kind import Form, Kind, MeasureRows, RetargetContext, Role, RowState, Track, exact
 from robot_retarget.graph.kinds import clip_kinds, stream_kinds
+from robot_retarget.graph.kinds.joints import SmoothnessKind
 from robot_retarget.graph.kinds.separation import SeparationKind
-from robot_retarget.graph.kinds.temporal import SmoothnessKind
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
 from robot_retarget.graph.track import limit
 from robot_retarget.human.motion import Motion

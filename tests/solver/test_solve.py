@@ -7,8 +7,7 @@ import pytest
 
 from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import RobotGraph, graph_of
-from robot_retarget.graph.status import Status
-from robot_retarget.graph.track import frame_costs
+from robot_retarget.graph.track import Status, frame_costs
 from robot_retarget.graph.weights import Weights
 from robot_retarget.human.features import features_of
 from robot_retarget.human.match import match_bodies

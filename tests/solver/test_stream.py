@@ -10,7 +10,7 @@ from shared_files import SHARED, needs_shared
 import robot_retarget as rr
 from robot_retarget.base.errors import MatchError, UsageError
 from robot_retarget.base.files import SAMPLES
-from robot_retarget.graph.status import Status
+from robot_retarget.graph.track import Status
 from robot_retarget.human.motion import Motion
 from robot_retarget.robot import Robot
 from robot_retarget.solver.live.realtime import follower

@@ -12,9 +12,8 @@ from shared_files import SHARED, needs_shared
 from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.graph.kinds.posture import PostureKind
-from robot_retarget.graph.status import Status
 from robot_retarget.graph.symbolic_robot import drawn_configurations
-from robot_retarget.graph.track import Track
+from robot_retarget.graph.track import Status, Track
 from robot_retarget.human.read import read_motion
 from robot_retarget.papers import Objective, PointGraph, stress
 from robot_retarget.robot import Points, load_robot, world_points

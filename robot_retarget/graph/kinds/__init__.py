@@ -1,26 +1,17 @@
-"""The kinds of edges. A new one is a file here and a line in this table, or an entry point of another package."""
+"""The kinds of edges. A new one is a class here and a line in this table, or an entry point of another package."""
 
 from functools import cache
 from importlib.metadata import entry_points
 
 from robot_retarget.base.errors import GraphError
 from robot_retarget.graph.kind import Kind
-from robot_retarget.graph.kinds.clearance import ClearanceKind
-from robot_retarget.graph.kinds.compass import CompassKind
-from robot_retarget.graph.kinds.contact import ContactKind
-from robot_retarget.graph.kinds.coupling import CouplingKind
-from robot_retarget.graph.kinds.floor import FloorKind
+from robot_retarget.graph.kinds.bodies import ClearanceKind, ContactKind
 from robot_retarget.graph.kinds.foothold import FootholdKind
 from robot_retarget.graph.kinds.interaction import InteractionKind
-from robot_retarget.graph.kinds.joints import RangeKind, SpeedKind
-from robot_retarget.graph.kinds.near import NearKind
-from robot_retarget.graph.kinds.orientation import OrientationKind
-from robot_retarget.graph.kinds.pelvis import PathKind
-from robot_retarget.graph.kinds.posture import PostureKind
-from robot_retarget.graph.kinds.rest import RestKind
-from robot_retarget.graph.kinds.separation import SeparationKind
-from robot_retarget.graph.kinds.temporal import InertiaKind, SmoothnessKind
-from robot_retarget.graph.kinds.touch import TouchKind
+from robot_retarget.graph.kinds.joints import CouplingKind, InertiaKind, RangeKind, RestKind, SmoothnessKind, SpeedKind
+from robot_retarget.graph.kinds.pose import CompassKind, OrientationKind, PathKind
+from robot_retarget.graph.kinds.posture import NearKind, PostureKind, TouchKind
+from robot_retarget.graph.kinds.separation import FloorKind, SeparationKind
 from robot_retarget.graph.kinds.zmp import ZmpKind
 
 GROUP = "robot_retarget.kinds"

@@ -1,7 +1,7 @@
 """Foothold: a sole point of a standing foot keeps its place of the frame before, δ = 0; a swing foot has a reference.
 
 Edges of length 0 from frame to frame chain a stance to one place, the foothold. An edge with the priority of a hard
-edge joins each coordinate of a held corner to it. The foothold's position comes from the human (`describe.footholds`)
+edge joins each coordinate of a held corner to it. The foothold's position comes from the human (`graph.footholds`)
 until a coarse path of the robot shows where its legs put the foot.
 """
 
@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.base.arrays import Floats, unit
-from robot_retarget.graph.causal.footholds import CausalFootholds
+from robot_retarget.graph.causal import CausalFootholds
 from robot_retarget.graph.footholds import (
     Footholds,
     Surface,
@@ -22,8 +22,20 @@ from robot_retarget.graph.footholds import (
     settled_heading,
     without_unreachable,
 )
-from robot_retarget.graph.kind import AXES, FrameTargets, Kind, Phase, RetargetContext, StreamFrame, Track, exact
-from robot_retarget.graph.phase import CoarsePhase, PlaybackPhase, SolvedPhase, UnbalancedPhase
+from robot_retarget.graph.kind import (
+    AXES,
+    CoarsePhase,
+    FrameTargets,
+    Kind,
+    Phase,
+    PlaybackPhase,
+    RetargetContext,
+    SolvedPhase,
+    StreamFrame,
+    Track,
+    UnbalancedPhase,
+    exact,
+)
 from robot_retarget.graph.soles import lengths
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
 from robot_retarget.graph.track import HARD

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_retarget.graph.kind import Form, Kind, MeasureRows, RetargetContext, RowState, Track
-from robot_retarget.graph.role import STEP
+from robot_retarget.graph.track import STEP
 from robot_retarget.robot.kinematics import difference
 
 

@@ -1,10 +1,34 @@
-"""Joint range and joint speed: bounds on the hinges."""
+"""Kinds of joint coordinates: ranges and speeds, the standing pose, couplings, smoothness and inertia."""
 
+from dataclasses import dataclass, replace
+
+import casadi as ca
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
 
-from robot_retarget.graph.kind import Form, Kind, RetargetContext, Role, Track
-from robot_retarget.graph.role import STEP
-from robot_retarget.graph.track import limit
+from robot_retarget.base.arrays import Bools, Floats
+from robot_retarget.graph.kind import (
+    Form,
+    Kind,
+    MeasureRows,
+    Phase,
+    PlaybackPhase,
+    RetargetContext,
+    Role,
+    RowState,
+    StandPhase,
+    Track,
+    exact,
+)
+from robot_retarget.graph.placed_scene import pelvis_path
+from robot_retarget.graph.symbolic_robot import SymbolicRobot
+from robot_retarget.graph.track import CAUSAL_DIFFERENCE, SECOND_DIFFERENCE, STEP, limit
+from robot_retarget.graph.weights import REFERENCE_FPS
+from robot_retarget.robot.coupling import Coupling as Constraints
+from robot_retarget.robot.dynamics import root_dofs, root_travel
+from robot_retarget.robot.kinematics import carrying, tangent_names
+
+# Joint range and joint speed: bounds on the hinges.
 
 
 class RangeKind(Kind):
@@ -36,3 +60,152 @@ class SpeedKind(Kind):
         robot = context.robot
         most = np.asarray(robot.max_speed)
         return limit(self, [(j, f"{j} a frame before") for j in robot.joint_names], -most, most, len(context.human))
+
+
+# Rest: a weak pull of every joint to the standing pose, so that joints without other targets stay there.
+
+
+class RestKind(Kind):
+    """Every hinge."""
+
+    name = "rest"
+    follows_human = False
+
+    def targets(self, context: RetargetContext) -> Track | None:
+        """The standing pose."""
+        robot, w = context.robot, context.weights
+        standing = np.clip(robot.standing()[robot.qpos_index], robot.lower, robot.upper)
+        weight = np.where(_wrists(context), w.wrist, w.rest)
+        target = np.broadcast_to(standing, (len(context.human), len(standing)))
+        return exact(self, [(name, "standing pose") for name in robot.joint_names], target, weight)
+
+    def renewed(self, track: Track, measured: Floats | None, phase: Phase) -> Track:
+        """Return the priority of a stand there, and in a playback the stand's angles outside the human's motion."""
+        if measured is None or not isinstance(phase, PlaybackPhase):
+            return phase.of(track)
+        if isinstance(phase, StandPhase):
+            return replace(track, priority=np.full((1, len(track)), phase.standing))
+        inside = phase.share >= 1
+        lower, upper = (np.where(inside, bound, measured) for bound in (track.lower, track.upper))
+        return replace(track, lower=lower, upper=upper, priority=track.priority + (1 - phase.share) * phase.standing)
+
+    def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
+        """Angles [rad]."""
+        return body.angles()[[body.robot.joint_names.index(name) for name, _ in track.ends]]
+
+
+def _wrists(context: RetargetContext) -> np.ndarray:
+    """(n,) the wrists that no marker leads: hinges that move a hand and no other keypoint."""
+    robot, match = context.robot, context.match
+    bodies = match.points.bodies
+    moves = carrying(robot.model)[bodies][:, robot.dof_index]
+    marked = {match.anatomy.frames[segment][0] for segment in context.human.segments}
+    hands = [k for k, name in enumerate(match.keypoints) if name[2:] == "hand" and int(bodies[k]) not in marked]
+    return np.asarray((moves.sum(axis=0) == 1) & moves[hands].any(axis=0))
+
+
+# Coupling: geared joints and closed chains, the equality constraints of the model.
+
+
+@dataclass(frozen=True)
+class CouplingKind(Kind):
+    """Violation of every constraint [m or rad], 0; closed by Newton steps at the end of a descent."""
+
+    name: str = "coupling"
+    form = Form.NUMERIC
+    follows_human = False
+    priority: float = 30.0
+    """π over the squared leg: descents bend chains a little, and close them at the end [-]."""
+
+    def targets(self, context: RetargetContext) -> Track | None:
+        """Return 0; no edges for a robot without constraints."""
+        constraints = Constraints(context.robot)
+        if not constraints.present:
+            return None
+        count = len(constraints(context.robot.neutral())[0])
+        ends = [(f"constraint {k}", "closed") for k in range(count)]
+        return exact(self, ends, np.zeros((len(context.human), count)), self.priority, context.leg)
+
+    def rows(self, track: Track, state: RowState) -> MeasureRows:
+        """Return all constraints, by MuJoCo."""
+        values, slope = _constraints(state)(state.qpos)
+        return MeasureRows(values, slope, np.arange(len(values)))
+
+    def projected(self, track: Track, state: RowState) -> Floats:
+        """Return the nearby configuration (nq,) that closes the chains."""
+        return _constraints(state).close_chains(state.qpos)
+
+
+def _constraints(state: RowState) -> Constraints:
+    if "constraints" not in state.memory:
+        state.memory["constraints"] = Constraints(state.robot)
+    return state.memory["constraints"]
+
+
+# Smoothness of clips and inertia of streams: costs on the change of the configuration from frame to frame.
+
+BOUNCE = 0.05
+"""Standard deviation of the Gaussian over the human's height, whose acceleration the root has [s]: captures are noisy."""
+UP = "root 2"
+"""The height of a free root among tangent directions."""
+
+
+class SmoothnessKind(Kind):
+    """Second difference q_{t−1} − 2 q_t + q_{t+1} of every tangent direction [rad or m].
+
+    The target is 0, and for the height of the root that of the human's path: a body in flight falls, and gait bounces.
+    """
+
+    name = "smoothness"
+    stencil = SECOND_DIFFERENCE
+    form = Form.JOINT
+
+    def targets(self, context: RetargetContext) -> Track:
+        """κ at the frame rate: a second difference scales with the squared time between frames."""
+        human, weights, names = context.human, context.weights, tangent_names(context.robot)
+        kappa = weights.smooth * (human.fps / REFERENCE_FPS) ** 4
+        bend = np.zeros((len(human), len(names)))
+        if context.robot.floating:
+            height = gaussian_filter1d(pelvis_path(human, context.match)[:, 2], BOUNCE * human.fps, mode="nearest")
+            bend[1:-1, names.index(UP)] = np.diff(height, 2)
+        ends = [(name, "second difference") for name in names]
+        return exact(self, ends, bend, kappa, _scales(context, weights.smooth_root, weights.smooth_turn))
+
+    def renewed(self, track: Track, measured: Floats | None, phase: Phase) -> Track:
+        """Return the target 0 in a balanced playback, whose pace differs from the human's."""
+        if not isinstance(phase, PlaybackPhase):
+            return track
+        return replace(track, lower=np.zeros_like(track.lower), upper=np.zeros_like(track.upper))
+
+
+class InertiaKind(Kind):
+    """Deviation of every tangent direction [rad or m] from the motion of a damped spring, 0; for streams."""
+
+    name = "inertia"
+    stencil = CAUSAL_DIFFERENCE
+    form = Form.JOINT
+    follows_human = False
+
+    def targets(self, context: RetargetContext) -> Track:
+        """The weights of legs, of other hinges and of the root."""
+        ends, weights = [(name, "two frames before") for name in tangent_names(context.robot)], context.weights
+        scales = _scales(context, weights.inertia_root, weights.inertia_root)
+        priority = np.where(_of_legs(context), weights.inertia_leg, weights.inertia)
+        priority[root_dofs(context.robot)] = 1.0
+        return exact(self, ends, np.zeros((len(context.human), len(ends))), priority, scales)
+
+
+def _of_legs(context: RetargetContext) -> Bools:
+    """Return (nv,) whether a tangent direction moves an ankle relative to the pelvis."""
+    moves, sites = carrying(context.robot.model), context.match.anatomy.sites
+    still = moves[sites["pelvis"].body if "pelvis" in sites else context.robot.root_body]
+    ankles = [moves[sites[part].body] for part in ("l_ankle", "r_ankle") if part in sites]
+    return np.logical_or.reduce([still != ankle for ankle in (still, *ankles)])
+
+
+def _scales(context: RetargetContext, travel: float, turn: float) -> Floats:
+    """(nv,) 1 for hinges; smaller for the root, whose squares count `travel` times in metres and `turn` times in radians."""
+    robot = context.robot
+    factors = np.ones(robot.model.nv)
+    factors[root_dofs(robot)], factors[root_travel(robot)] = turn, travel
+    return 1 / np.sqrt(np.maximum(factors, 1e-9))

@@ -1,21 +1,35 @@
-"""Posture: distances between all keypoints, over the length of the path between them [Mucherino2017].
+"""Kinds of distances between keypoints: posture, near pairs, touches."""
 
-    δ_uv = τ_B ‖x_u − x_v‖ / τ_A
-
-π falls with the distance: distances describe contacts and near passes best, and directions describe free limbs.
-"""
-
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from robot_retarget.base.arrays import Floats, Ints, lengths
-from robot_retarget.graph.kind import SHORTEST, FrameEdges, Kind, RetargetContext, Track
+from robot_retarget.contact.touch import OTHER, touch_reach, touch_strength
+from robot_retarget.graph.kind import (
+    AXES,
+    SHORTEST,
+    FrameEdges,
+    FrameTargets,
+    Kind,
+    RetargetContext,
+    StreamFrame,
+    Track,
+    exact,
+)
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
-from robot_retarget.graph.weights import Weights
+from robot_retarget.graph.weights import RAMP, Weights
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.match import path_weights
+
+# Posture: distances between all keypoints, over the length of the path between them [Mucherino2017].
+#
+#     δ_uv = τ_B ‖x_u − x_v‖ / τ_A
+#
+# π falls with the distance: distances describe contacts and near passes best, and directions describe free limbs.
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -74,3 +88,125 @@ def distances(track: Track, body: SymbolicRobot) -> ca.SX:
     """Return d = √(‖x_a − x_b‖² + 10⁻¹²) (E,) between the ends of every edge [m], which is smooth at 0."""
     apart = ca.horzcat(*(body.keypoint(a) - body.keypoint(b) for a, b in track.ends))
     return ca.sqrt(ca.sum1(apart**2).T + 1e-12)
+
+
+# Near: a hand within reach of a body goes where the human's goes in the frame of the body; π falls with the distance.
+#
+# The hand approaches and leaves a body of another size as the human does: the point of the surface nearest to it has the size
+# of the body, the way from there to the hand that of the robot.
+
+
+@dataclass(frozen=True)
+class NearKind(Kind):
+    """Coordinates of the hands [m]."""
+
+    name: str = "near"
+    whole = True
+    priority: float = 20.0
+    """π at the surface, over the squared leg [-]: several times that of the path."""
+    reach: float = 0.3
+    """π falls to 1/e at this distance of the human's hand, over the leg [-]."""
+
+    def targets(self, context: RetargetContext) -> Track | None:
+        """Return the coordinates of each hand, for the body nearest to it at each frame."""
+        scene, around = context.scene, context.human.around
+        if scene is None or around is None:
+            return None
+        touches, poses = around.touches, scene.poses(len(context.human))
+        hands = sorted({part for part, _ in touches.pairs if part.endswith("_hand")})
+        if not hands:
+            return None
+        columns = [[k for k, (part, _) in enumerate(touches.pairs) if part == hand] for hand in hands]
+        bodies = np.array([body for _, body in touches.pairs])
+        away = scene.ratio * scene.directions(bodies, touches.offsets, poses)
+        places = scene.points(bodies, touches.places, poses) + away
+        target, priority = [], []
+        for own in columns:
+            nearest = np.array(own)[np.abs(touches.distance[:, own]).argmin(axis=1)]
+            rows = np.arange(len(nearest))
+            far = np.maximum(touches.distance[rows, nearest], 0.0) / (self.reach * context.match.human_leg)
+            target.append(places[rows, nearest])
+            priority.append(np.repeat(self.priority * np.exp(-(far**2))[:, None], len(AXES), axis=1))
+        ends = [(hand, "bodies") for hand in hands for _ in AXES]
+        axes = AXES * len(hands)
+        return exact(self, ends, np.hstack(target), np.hstack(priority), context.leg, axes=axes)
+
+    def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
+        """Where the hands are [m]."""
+        return ca.vertcat(*[body.keypoint(hand) for hand, _ in track.ends[:: len(AXES)]])
+
+
+# Touch: a hand and the part it touches are as near on the robot, over the path between them.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Touches(KeypointPairs):
+    """Pairs that may touch."""
+
+    reach: Floats
+
+    def targets(self, human: HumanFeatures) -> tuple[Floats, Floats]:
+        """Return δ [m], and the strength of each touch, 0 … 1."""
+        close = self.closeness(human)
+        return self.scale * close, touch_strength(close, self.reach)
+
+
+@dataclass(frozen=True)
+class TouchKind(Kind):
+    """Pairs that may touch; π is 0 while they are apart."""
+
+    name: str = "touch"
+    other: float = OTHER
+    """Closeness within which a hand touches a part that is no head, hand or knee [-]."""
+    lead: float = RAMP
+    """Rise time and fall time of a touch [s]."""
+
+    def targets(self, context: RetargetContext) -> Track | None:
+        """Return the normalised distance of the human, while it is that of a touch; π rises and falls gradually."""
+        track = super().targets(context)
+        if track is None:
+            return None
+        strength = self._gently(track.priority, round(self.lead * context.human.fps))
+        return replace(track, priority=context.weights.touch * strength)
+
+    def step(self, context: StreamFrame, memory: dict[str, Any]) -> FrameTargets | None:
+        """Return the same; the strength changes no faster than over the rise time."""
+        found = super().step(context, memory)
+        if found is None:
+            return None
+        target, _, strength = found
+        reach, last = context.seconds / self.lead, memory.get("strength", 0.0)
+        memory["strength"] = np.minimum(np.maximum(strength, last - reach), last + reach)
+        return target, target, context.weights.touch * memory["strength"]
+
+    def edges(self, context: RetargetContext) -> _Touches | None:
+        """Return the pairs, with the strength of the touch as π."""
+        match = context.match
+        pairs = [
+            (a, b)
+            for a in range(len(match.keypoints))
+            for b in range(a)
+            if touch_reach(match.keypoints[b], match.keypoints[a], self.other)
+        ]
+        if not pairs:
+            return None
+        i, j = np.array(pairs).T
+        ends = [(match.keypoints[b], match.keypoints[a]) for a, b in pairs]
+        tau = np.maximum(path_weights(match.parents, match.robot_bones)[i, j], SHORTEST)
+        reach = np.array([touch_reach(*pair, self.other) for pair in ends])
+        path = match.human_paths[i, j]
+        return _Touches(ends=ends, scale=tau, i=i, j=j, path=path, reach=reach)
+
+    def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
+        """d_uv."""
+        return distances(track, body)
+
+    def for_robot(self) -> "TouchKind":
+        """Return the kind without touches of the trunk: a robot's hand passes its hip closely without a touch."""
+        return replace(self, other=0.0)
+
+    def _gently(self, touching: Floats, frames: int) -> Floats:
+        """Return (T, C) strengths that rise and fall gradually: the maximum of the frames around, then its mean."""
+        width = 2 * frames + 1
+        most = maximum_filter1d(touching, width, axis=0, mode="nearest")
+        return np.maximum(uniform_filter1d(most, width, axis=0, mode="nearest"), 0.0)  # a running sum may end at −1e-17

@@ -1,16 +1,47 @@
-"""Separation: surfaces of links stay apart, by MuJoCo's distances; lying links stay above the floor."""
+"""Kinds of surfaces: soles above the floor, links apart."""
 
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 
 from robot_retarget.base.arrays import Floats, Ints
 from robot_retarget.graph.kind import ClipRows, Form, Kind, RetargetContext, Role, RowStates, Track
+from robot_retarget.graph.symbolic_robot import SymbolicRobot
 from robot_retarget.graph.track import limit
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot
 from robot_retarget.robot.distances import Separation as Surfaces
 from robot_retarget.robot.geoms import allowed, solid_geoms
+
+# Floor: the points of the soles stay above the floor.
+
+
+class FloorKind(Kind):
+    """The height of every sole point [m], at least 0."""
+
+    name = "floor"
+    role = Role.INEQUALITY
+    follows_human = False
+    raises_root = True
+
+    def targets(self, context: RetargetContext) -> Track | None:
+        """Return an edge from every sole point to the floor, its height within [0, ∞); None for a robot with a fixed root."""
+        soles = context.match.anatomy.soles if context.robot.root_joints.size else {}
+        ends = [(f"{foot} sole point {k}", "floor") for foot, sole in soles.items() for k in range(len(sole))]
+        return limit(self, ends, 0.0, np.inf, len(context.human)) if ends else None
+
+    def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
+        """Heights [m]."""
+        found = []
+        for name, _ in track.ends:
+            foot, point = name.split(" sole point ")
+            sole = body.match.anatomy.soles[foot]
+            found.append(body.point(int(sole.bodies[int(point)]), sole.offsets[int(point)])[2])
+        return ca.vertcat(*found)
+
+
+# Separation: surfaces of links stay apart, by MuJoCo's distances; lying links stay above the floor.
 
 FLOOR = "floor"
 

@@ -13,11 +13,10 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from robot_retarget.graph.footholds import placed_feet
 from robot_retarget.graph.kind import Kind, RetargetContext, Track
-from robot_retarget.graph.role import SECOND_DIFFERENCE
-from robot_retarget.graph.soles import HEEL, TOE
+from robot_retarget.graph.soles import HEEL, TOE, placed_feet
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
+from robot_retarget.graph.track import SECOND_DIFFERENCE
 from robot_retarget.robot.kinematics import heavy_bodies
 
 POINT = "zero moment point"

@@ -15,11 +15,10 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Floats, bearing
 from robot_retarget.graph.describe import RobotGraph
-from robot_retarget.graph.kinds.mass import MassKind
-from robot_retarget.graph.phase import PlaybackPhase, StandPhase
-from robot_retarget.graph.role import Form, Role
+from robot_retarget.graph.kind import PlaybackPhase, StandPhase
+from robot_retarget.graph.kinds.pose import MassKind
 from robot_retarget.graph.soles import flattened, heading
-from robot_retarget.graph.track import HARD, Track
+from robot_retarget.graph.track import HARD, Form, Role, Track
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Points, Robot, world_points
@@ -54,7 +53,7 @@ class BalanceOptions:
 
 
 class BalancedIk:
-    """Plant the robot of one graph: feet F in the order of `feet`, corners in the order of `soles.CORNER_NAMES`."""
+    """Plant the robot of one graph: feet F in the order of `feet`, corners in the order of `robot.support.CORNER_NAMES`."""
 
     robot: Robot
     match: Match

@@ -2,7 +2,7 @@
 
     labels ──planted_feet──▶ stances ──spread, reachable_footholds──▶ footholds ──foothold_places──▶ paths of the soles
 
-Soles are their corners (T, F, 4, 3) in the order of `soles.CORNER_NAMES`, the left foot first.
+Soles are their corners (T, F, 4, 3) in the order of `robot.support.CORNER_NAMES`, the left foot first.
 """
 
 from collections.abc import Callable
@@ -228,7 +228,7 @@ def _median(places: np.ndarray) -> complex:
 
 # Two adjacent soles: their heading, their distance, and their separation.
 #
-# Soles are their corners (T, F, 4, 3) in the order of `soles.CORNER_NAMES`, the left foot first.
+# Soles are their corners (T, F, 4, 3) in the order of `robot.support.CORNER_NAMES`, the left foot first.
 
 GAP = 0.6
 """Least gap between two soles, as a share of the gap in the robot's own stand."""

@@ -6,11 +6,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from robot_retarget.base.arrays import Floats
-from robot_retarget.graph.causal.targets import CausalTargets
-from robot_retarget.graph.describe import RobotGraph
-from robot_retarget.graph.footholds import placed_feet
-from robot_retarget.graph.path import RootScaling, root_scaling_of
-from robot_retarget.graph.status import Status
+from robot_retarget.graph.describe import CausalTargets, RobotGraph
+from robot_retarget.graph.placed_scene import RootScaling, root_scaling_of
+from robot_retarget.graph.soles import placed_feet
+from robot_retarget.graph.track import Status
 from robot_retarget.human.causal import CausalFeatures, CausalSurroundings
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.robot.dynamics import Placer

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from robot_retarget.base.arrays import Floats
-from robot_retarget.graph.role import SECOND_DIFFERENCE
+from robot_retarget.graph.track import SECOND_DIFFERENCE
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solver.descent import FrameSolution

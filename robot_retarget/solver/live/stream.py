@@ -15,7 +15,7 @@ from robot_retarget.base.errors import UsageError
 from robot_retarget.graph.describe import among, describe
 from robot_retarget.graph.kind import Kind
 from robot_retarget.graph.kinds import stream_kinds
-from robot_retarget.graph.status import Status
+from robot_retarget.graph.track import Status
 from robot_retarget.graph.weights import Weights
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import as_motion

@@ -6,9 +6,9 @@ from math import inf, pi
 import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, bearing, smoothstep
-from robot_retarget.graph.context import RetargetContext, StreamFrame
-from robot_retarget.graph.footholds import Soles, Surface, soles_of, surface_under
-from robot_retarget.graph.soles import HEEL, TOE, flattened, lengths, raised, turned
+from robot_retarget.graph.footholds import Surface, surface_under
+from robot_retarget.graph.kind import RetargetContext, StreamFrame
+from robot_retarget.graph.soles import HEEL, TOE, Soles, flattened, lengths, raised, soles_of, turned
 from robot_retarget.graph.track import HARD
 from robot_retarget.graph.weights import RAMP
 

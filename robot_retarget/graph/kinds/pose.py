@@ -1,0 +1,203 @@
+"""Kinds of places and directions: the path of the pelvis, directions of bones, orientations of segments."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from robot_retarget.base.arrays import Floats, Ints, unit
+from robot_retarget.graph.kind import (
+    AXES,
+    SHORTEST,
+    FrameEdges,
+    Kind,
+    Phase,
+    PlaybackPhase,
+    RetargetContext,
+    StandPhase,
+    Track,
+    exact,
+)
+from robot_retarget.graph.placed_scene import RootScaling, root_scaling_of
+from robot_retarget.graph.symbolic_robot import SymbolicRobot
+from robot_retarget.human.features import HumanFeatures
+
+# Path: the pelvis follows the human's path, scaled by the leg: three far landmarks, their linear limit.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Carried(FrameEdges):
+    """The pelvis, three edges."""
+
+    root_scaling: RootScaling
+    priority: float
+
+    def targets(self, human: HumanFeatures) -> tuple[Floats, float]:
+        """Where it should be [m], and π."""
+        return self.root_scaling.path(human), self.priority
+
+
+class PathKind(Kind):
+    """The pelvis, or the first keypoint of a body without one."""
+
+    name = "path"
+
+    def edges(self, context: RetargetContext) -> _Carried:
+        """Return the coordinates of the pelvis, with the scaled path."""
+        keypoint = "pelvis" if "pelvis" in context.match.keypoints else context.match.keypoints[0]
+        return _Carried(
+            ends=[(keypoint, "path")] * len(AXES),
+            axes=AXES,
+            scale=context.leg,
+            root_scaling=root_scaling_of(context.human, context.match),
+            priority=context.weights.path,
+        )
+
+    def renewed(self, track: Track, measured: Floats | None, phase: Phase) -> Track:
+        """Return the height alone: balance moves the pelvis over the floor.
+
+        In a stand it is that of the standing pose, in a playback no higher than in its stands.
+        """
+        if measured is None or not isinstance(phase, PlaybackPhase):
+            return phase.of(track)
+        if isinstance(phase, StandPhase):
+            height, weight = measured, phase.upright if track.ends[0][0] == "pelvis" else 0.0
+        else:
+            height = phase.share * np.minimum(track.lower, measured) + (1 - phase.share) * measured
+            weight = phase.height
+        priority = np.where([axis == "z" for axis in track.axes], weight, 0.0)
+        return replace(track, lower=height, upper=height, priority=np.broadcast_to(priority, height.shape))
+
+    def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
+        """Where the pelvis is [m]."""
+        return body.keypoint(track.ends[0][0])
+
+
+# Compass: directions of bones and of the hip and shoulder lines.
+#
+# An edge joins a keypoint to a beacon at distance R along an axis; as R grows, the difference of two such distances becomes
+# the coordinate of the difference vector. With its length d it is the bone's direction  u = (x_a − x_b)/d,  three edges a bone.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Lines(FrameEdges):
+    """Lines between keypoints, three edges each."""
+
+    one: Ints
+    other: Ints
+    priority: Floats
+
+    def targets(self, human: HumanFeatures) -> tuple[Floats, Floats]:
+        """Return coordinates of unit vectors, and π."""
+        x = human.positions
+        return unit(x.take(self.one, axis=1) - x.take(self.other, axis=1)).reshape(len(x), -1), self.priority
+
+
+class CompassKind(Kind):
+    """Directions of bones, as the human's."""
+
+    name = "compass"
+
+    def edges(self, context: RetargetContext) -> _Lines | None:
+        """Return the lines, with the human's directions."""
+        match, lines = context.match, list(self._lines(context))
+        if not lines:
+            return None
+        one, other = np.array([[match.index(a), match.index(b)] for a, b, _ in lines]).T
+        ends, priority = [(a, b) for a, b, _ in lines for _ in AXES], np.repeat([line[2] for line in lines], len(AXES))
+        return _Lines(ends=ends, axes=AXES * len(lines), one=one, other=other, priority=priority)
+
+    def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
+        """The coordinates of unit vectors, x y z of one line after the other."""
+        apart = [body.keypoint(a) - body.keypoint(b) for a, b in track.ends[:: len(AXES)]]
+        return ca.vertcat(*(line / ca.sqrt(ca.sumsqr(line) + 1e-12) for line in apart))
+
+    def _lines(self, context: RetargetContext) -> Iterator[tuple[str, str, float]]:
+        """Yield two keypoints and the weight of the direction from the second to the first."""
+        match, w = context.match, context.weights
+        for k, keypoint in enumerate(match.keypoints):
+            weight = w.bones.get(keypoint.split("_")[-1], 0.0)
+            if match.parents[k] >= 0 and weight and match.robot_bones[k] > SHORTEST:
+                yield keypoint, match.keypoints[int(match.parents[k])], weight
+        for part, weight in (("hip", w.hips), ("shoulder", w.shoulders)):
+            if {f"l_{part}", f"r_{part}"} <= set(match.keypoints) and weight:
+                yield f"l_{part}", f"r_{part}", weight
+
+
+# Orientation: rotations of pelvis, chest, head, hands and feet, which joint centres do not determine.
+#
+# Each segment has two markers, one ahead of it and one above: their directions  R e  equal the human segment's, r.
+
+MARKERS = ("forward", "up")
+_COLUMNS = slice(0, 3, 2)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Markers(FrameEdges):
+    """The markers of segments, three edges each."""
+
+    priority: Floats
+
+    def targets(self, human: HumanFeatures) -> tuple[Floats, Floats]:
+        """Return coordinates of unit vectors, and π."""
+        return human.axes[..., _COLUMNS].swapaxes(2, 3).reshape(len(human), -1), self.priority
+
+
+class OrientationKind(Kind):
+    """Forward and up of segments."""
+
+    name = "orientation"
+
+    def edges(self, context: RetargetContext) -> _Markers | None:
+        """Return the markers of segments that both bodies have, with the human's directions."""
+        segments, w = tuple(context.human.segments), context.weights
+        if not segments:
+            return None
+        weight = [w.foot if segment.endswith("foot") else w.orientation for segment in segments]
+        ends = [(segment, marker) for segment in segments for marker in MARKERS for _ in AXES]
+        axes, priority = AXES * (len(MARKERS) * len(segments)), np.repeat(weight, len(MARKERS) * len(AXES))
+        return _Markers(ends=ends, axes=axes, priority=priority)
+
+    def renewed(self, track: Track, measured: Floats | None, phase: Phase) -> Track:
+        """Return in a stand the rotation of the pelvis in the standing pose."""
+        if measured is None or not isinstance(phase, StandPhase):
+            return phase.of(track)
+        weight = np.where([a == "pelvis" for a, _ in track.ends], phase.upright, 0.0)
+        return replace(track, lower=measured, upper=measured, priority=weight[None])
+
+    def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
+        """R e, x y z of one marker after the other."""
+        frames = body.match.anatomy.frames
+        found = []
+        for segment, marker in track.ends[:: len(AXES)]:
+            own, axes = frames[segment]
+            found.append(body.axis(own, axes[:, _COLUMNS][:, MARKERS.index(marker)]))
+        return ca.vertcat(*found)
+
+
+# Mass: the centre of mass over a spot of the support polygon; a kind that balance adds to a graph.
+
+OVER = 3e3
+"""π of the centre of mass along the floor, over the squared leg: feet come first, all else after [-]."""
+
+
+class MassKind(Kind):
+    """The centre of mass along the floor."""
+
+    name = "mass"
+    follows_human = False
+
+    def track(self, spots: Floats, leg: float, priority: float = OVER) -> Track:
+        """Edges to spots (T, 2) on the floor [m].
+
+        Args:
+            spots: (T, 2) [m].
+            leg: length of the robot's leg [m].
+            priority: π over the squared leg [-].
+        """
+        return exact(self, [("centre of mass", "support")] * 2, spots, priority, leg, axes=("x", "y"))
+
+    def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
+        """Where the centre of mass is along the floor [m]."""
+        return body.mass()[:2]
