@@ -37,13 +37,13 @@ if TYPE_CHECKING:
     from robot_retarget.scene import read_scene as read_scene
     from robot_retarget.scores.score import Score as Score
     from robot_retarget.scores.score import score as score
-    from robot_retarget.solver.live.stream import Stream as Stream
-    from robot_retarget.solver.live.stream import stream as stream
+    from robot_retarget.solver.pipeline import Result as Result
     from robot_retarget.solver.pipeline import retarget as retarget
     from robot_retarget.solver.pipeline import solve as solve
     from robot_retarget.solver.pipeline import transfer as transfer
-    from robot_retarget.solver.result import Result as Result
     from robot_retarget.solver.solution import Solution as Solution
+    from robot_retarget.solver.stream import Stream as Stream
+    from robot_retarget.solver.stream import stream as stream
     from robot_retarget.tools.view.web.take import view as view
     from robot_retarget.trajectory import Trajectory as Trajectory
 
@@ -63,9 +63,9 @@ _HOME = {
     "Match": "human.match",
     "match": "human.match",
     "Solution": "solver.solution",
-    "Stream": "solver.live.stream",
-    "stream": "solver.live.stream",
-    "Result": "solver.result",
+    "Stream": "solver.stream",
+    "stream": "solver.stream",
+    "Result": "solver.pipeline",
     "retarget": "solver.pipeline",
     "solve": "solver.pipeline",
     "transfer": "solver.pipeline",

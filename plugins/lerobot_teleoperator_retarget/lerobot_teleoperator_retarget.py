@@ -16,7 +16,7 @@ from lerobot.utils.errors import DeviceAlreadyConnectedError, DeviceNotConnected
 from robot_retarget.live.loop import LivePose, Loop
 from robot_retarget.live.open import LOOPBACK, opened
 from robot_retarget.robot import load_robot
-from robot_retarget.solver.live.stream import Stream
+from robot_retarget.solver.stream import Stream
 
 log = logging.getLogger(__name__)
 

@@ -25,8 +25,7 @@ from robot_retarget.human.robot_performer import performed
 from robot_retarget.robot import Robot, as_robot
 from robot_retarget.robot.timing import resample
 from robot_retarget.solver.balance.balance import balance_modes
-from robot_retarget.solver.pipeline import carried
-from robot_retarget.solver.result import Result
+from robot_retarget.solver.pipeline import Result, carried
 from robot_retarget.trajectory import Trajectory
 
 # Motions of one performer made into one: joined at seams, spliced of legs and arms, at another speed.

@@ -27,9 +27,8 @@ from robot_retarget.solver.clip import measured_by, renewed_tracks
 from robot_retarget.solver.options import Smoothing, SolveOptions
 from robot_retarget.solver.passes import clip_of, clip_passes
 from robot_retarget.solver.problem import ClipTargets, build_problem, targets_of
-from robot_retarget.solver.solution import UnmetEdge, unmet_of_user
+from robot_retarget.solver.solution import UnmetEdge, unmet_edges, unmet_of_user
 from robot_retarget.solver.sqp import FrameSolver
-from robot_retarget.solver.unmet import unmet_edges
 from robot_retarget.trajectory import Trajectory
 
 AROUND = 0.5

@@ -9,7 +9,7 @@ from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import UsageError
 from robot_retarget.judge.plant import Plant
 from robot_retarget.robot.timing import sample_hinges
-from robot_retarget.solver.speeds import within_speeds
+from robot_retarget.solver.smooth import within_speeds
 from robot_retarget.trajectory import Trajectory
 
 

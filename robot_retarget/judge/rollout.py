@@ -29,7 +29,7 @@ from robot_retarget.robot.catalog import on_robot
 from robot_retarget.robot.contacts import replay_contacts
 from robot_retarget.robot.model import Robot
 from robot_retarget.scene.scene import Scene
-from robot_retarget.solver.result import Result
+from robot_retarget.solver.pipeline import Result
 from robot_retarget.trajectory import Trajectory, fingerprint
 
 COMPENSATION = 2

@@ -12,11 +12,10 @@ from robot_retarget.graph.kind import CoarsePhase, Phase, SolvedPhase
 from robot_retarget.graph.track import Status, Track, concatenated
 from robot_retarget.solver.candidates import coarse_path
 from robot_retarget.solver.descent import FrameSolution
-from robot_retarget.solver.options import Search, Smoothing
+from robot_retarget.solver.options import ClipPiece, Search, Smoothing
 from robot_retarget.solver.passes import Passes, clip_of, finished
 from robot_retarget.solver.problem import Problem, targets_of
 from robot_retarget.solver.sqp import FrameSolver
-from robot_retarget.solver.windows import ClipPiece
 
 COARSE = 4
 """The coarse path takes about as long as this number of passes; the progress counts it as such."""

@@ -1,4 +1,8 @@
-"""The state of descents: the boxes that steps stay in, trust regions, and the frames on their way to a minimum."""
+"""The state of descents: the boxes that steps stay in, trust regions, and the frames on their way to a minimum.
+
+`frame_model` is the quadratic model of one frame: the formulas of `quadratic` without arrays over frames, which would cost a
+stream half its time.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -6,10 +10,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, Ints
-from robot_retarget.graph.track import Status
+from robot_retarget.graph.rows import ContactRows
+from robot_retarget.graph.status import Status
 from robot_retarget.solver.options import SolveOptions
-from robot_retarget.solver.problem import ClipTargets
-from robot_retarget.solver.quadratic import Between, Proximal, Quadratic
+from robot_retarget.solver.problem import ClipTargets, EdgeTargets
+from robot_retarget.solver.quadratic import Between, CostModel, Proximal, Quadratic, diagonal
 from robot_retarget.solver.stencils import ClipNeighbours, Neighbours
 
 
@@ -113,3 +118,57 @@ class Descent:
             return self.targets, self.around, self.between
         between = None if self.between is None else [self.between[k] for k in frames.tolist()]
         return self.targets.frames(frames), self.around and self.around.of(frames), between
+
+
+@dataclass(frozen=True, eq=False)
+class FrameModel:
+    """cost + 2 gᵀv + vᵀNv for small steps v, with rows v ≥ row_lower; the last variable is the slack of separation."""
+
+    cost: float
+    """Without the terms of proximal and neighbours."""
+    gradient: Floats
+    """g (nv,)."""
+    normal: Floats
+    """N (nv, nv)."""
+    rows: Floats
+    """(R, nv + 1)."""
+    row_lower: Floats
+    """(R,)."""
+    clearance_deficit: float
+    """How much more than the tolerance the nearest links lack to their margin, over the leg."""
+
+
+def frame_model(
+    costs: CostModel, q: Floats, targets: EdgeTargets, proximal: Proximal | None, around: Neighbours | None
+) -> FrameModel:
+    """Return the model at a configuration (nq,).
+
+    Args:
+        costs: of the problem.
+        q: (nq,).
+        targets: of the frame.
+        proximal: draws the pose towards another; None for no such term.
+        around: the frames that costs join with this one; None without any.
+    """
+    cost, gradient, normal = costs.problem.model(q, targets)
+    slope, deficit = costs.problem.inequalities.rows(q, targets)
+    near = costs.measured(q[None], targets.clip)
+    apart, lacking = costs.row_lower(near.deficit), float(costs.lacking(near.deficit))
+    own = costs.terms(q, targets)
+    joining = costs.joining(ContactRows(near.slope, apart), q, around) if around is not None and costs.offsets else ()
+    total = float(cost) + costs.options.overlap_cost * lacking**2 + sum(float(term[0]) for term in own)
+    for _, pull, weight in (*own, *joining):
+        gradient, normal = gradient + pull, normal + weight
+    if proximal is not None:
+        gradient += proximal.weight * proximal.change(costs.robot, q)
+        diagonal(normal)[:] += proximal.weight
+    return FrameModel(total, gradient, normal, _rows(slope, near.slope), np.concatenate([deficit, apart]), lacking)
+
+
+def _rows(hard: Floats, soft: Floats) -> Floats:
+    """Return rows (R, nv + 1) of slopes (…, nv) that must hold, and of those that the slack relaxes."""
+    count, nv = hard.shape
+    rows = np.empty((count + len(soft), nv + 1))
+    rows[:count, :nv], rows[count:, :nv] = hard, soft
+    rows[:count, nv], rows[count:, nv] = 0.0, 1.0
+    return rows

@@ -10,13 +10,11 @@ from robot_retarget.base.progress import Count
 from robot_retarget.graph.track import SECOND_DIFFERENCE, Status, Track
 from robot_retarget.robot.kinematics import SweptConfiguration, difference, integrate, swept_configurations
 from robot_retarget.solver.descent import Box, Descent, FrameSolution
-from robot_retarget.solver.joined_path import joined_offsets, joined_rows
 from robot_retarget.solver.limits import Differences, JointBounds
 from robot_retarget.solver.options import Smoothing
 from robot_retarget.solver.problem import ClipTargets, targets_of
 from robot_retarget.solver.quadratic import Proximal
-from robot_retarget.solver.smooth import SmoothSystem
-from robot_retarget.solver.speeds import within_speeds
+from robot_retarget.solver.smooth import SmoothSystem, joined_offsets, joined_rows, within_speeds
 from robot_retarget.solver.sqp import FrameSolver
 
 ROUNDS = 3
@@ -81,7 +79,7 @@ def clip_passes(clip: ClipProblem, start: Floats, count: Count) -> list[FrameSol
 
     The alternating direction method of multipliers solves  Σ f_t(q_t) + Σ κ ‖s_{t−1} − 2 s_t + s_{t+1} − b_t‖²  subject to
     q_t = s_t: every pass moves each frame by one step against ρ‖q_t ⊖ s_t + y_t‖², then the path s, then the
-    multipliers y. Symbolic costs over several frames are part of the path (`joined_path`). Path and multipliers see q_t
+    multipliers y. Symbolic costs over several frames are part of the path (`smooth.joined_offsets`). Path and multipliers see q_t
     over-relaxed, s_t ⊕ α (q_t ⊖ s_t) [Boyd2011, 3.4.3]. The path moves the sooner the weaker ρ is, and the last pass draws the
     frames to it with a ρ `Smoothing.closing` times as large. Even frames step together, then odd ones, so that the neighbours
     of a stepping frame do not move. After the first passes, only frames whose cost still falls step (`Smoothing.extra`). The function returns the frames, not the path, because the frames satisfy all

@@ -1,28 +1,33 @@
-"""Solve a graph: as a whole clip, or frame by frame."""
+"""Solve a graph as a whole clip or frame by frame, and a long clip piece by piece."""
 
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import MatchError
 from robot_retarget.base.progress import Count, Progress
-from robot_retarget.graph.describe import RobotGraph
+from robot_retarget.graph.describe import RobotGraph, at_rate, graph_of
+from robot_retarget.graph.role import SECOND_DIFFERENCE, Form, Role
 from robot_retarget.graph.rows import Past
-from robot_retarget.graph.track import SECOND_DIFFERENCE, Form, Role, Status
+from robot_retarget.graph.status import Status
+from robot_retarget.graph.weights import Weights
+from robot_retarget.human.features import HumanFeatures, features_of
+from robot_retarget.human.match import match
 from robot_retarget.human.motion import Motion
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, tangent_names
-from robot_retarget.solver.causal import causal_poses
+from robot_retarget.scores.plausibility import mismatch
 from robot_retarget.solver.clip import clip_poses, measured_by
 from robot_retarget.solver.descent import FrameSolution
-from robot_retarget.solver.options import Search, Smoothing, SolveOptions
+from robot_retarget.solver.options import ClipPiece, FrameWindow, Search, Smoothing, SolveOptions
 from robot_retarget.solver.problem import Problem, build_problem, targets_of
-from robot_retarget.solver.solution import Solution
+from robot_retarget.solver.solution import Solution, unmet_edges
 from robot_retarget.solver.sqp import FrameSolver
-from robot_retarget.solver.unmet import unmet_edges
-from robot_retarget.solver.windows import ClipPiece
+from robot_retarget.solver.starts import causal_poses
 from robot_retarget.trajectory import Trajectory
 
 WORTH_COMPILING = 60
@@ -46,7 +51,7 @@ def solve_graph(
         problem: the result of `problem_of`, if it exists already.
         smoothing: options of the whole clip; `Smoothing(passes=0)` solves frame by frame, each from the one before.
         progress: receives the progress (`progress.Progress`).
-        part: the windows of a piece of a longer clip (`long.py`); by default the graph is a whole clip.
+        part: the windows of a piece of a longer clip (`solve_long`); by default the graph is a whole clip.
     """
     began = time.perf_counter()
     chosen, smoothly = search or Search(), smoothing or Smoothing()
@@ -125,3 +130,70 @@ def _temporal_stress(graph: RobotGraph, qpos: Floats) -> dict[str, Floats]:
     names = tangent_names(graph.robot)
     columns = {track.name: [names.index(end) for end, _ in track.ends] for track in tracks}
     return {track.name: track.stress(bend[:, columns[track.name]]).sum(axis=1) for track in tracks}
+
+
+# A clip of any length, solved piece by piece: memory is that of one piece, time grows with the number of frames.
+#
+# Windows are those of the whole clip (`Windows.cut`). A piece describes and solves a few of them. It passes the
+# configurations that the next window keeps to the next piece, so pieces join as windows do.
+
+PIECE = 6
+"""Number of windows of a piece."""
+
+
+def solve_long(
+    motion: Motion,
+    robot: Robot,
+    *,
+    fps: float | None = None,
+    overrides: str | Path | None = None,
+    weights: Weights | None = None,
+    smoothing: Smoothing | None = None,
+) -> Trajectory:
+    """Return the trajectory of `retarget` without balance, in the memory of one piece.
+
+    Either piece places the footholds of a stance that spans two pieces. There the result may differ from `retarget` by
+    as much as a foothold may.
+
+    Raises:
+        MatchError: as `retarget`.
+        UsageError: fps out of range.
+    """
+    motion, smoothly = at_rate(motion, fps), smoothing or Smoothing()
+    human = features_of(motion, match(motion, robot, overrides))
+    windows = tuple(smoothly.windows.cut(len(motion), motion.fps))
+    qpos, done = np.empty((len(motion), robot.model.nq)), 0
+    for own in _pieces(windows):
+        first, last, fixed = own[0].first, own[-1].last, own[0].fixed
+        piece = human.at(slice(first, last))
+        graph = graph_of(motion.frames(first, last), piece, robot, weights or Weights()).unbalanced()
+        origin = _origin(human, first)
+        known = _moved(qpos[done - fixed : done], robot, -origin)
+        part = ClipPiece(tuple(window.after(first) for window in own), tuple(known))
+        solved = solve_graph(graph, smoothing=smoothly, part=part).trajectory.qpos
+        qpos[done : own[-1].final] = _moved(solved, robot, origin)
+        done = own[-1].final
+    if overrides is None and (doubt := mismatch(human, robot, qpos, motion.source)):
+        raise MatchError(doubt)
+    return trajectory_of(motion, robot, qpos)
+
+
+def _pieces(windows: tuple[FrameWindow, ...]) -> Iterator[tuple[FrameWindow, ...]]:
+    for first in range(0, len(windows), PIECE):
+        yield windows[first : first + PIECE]
+
+
+def _origin(human: HumanFeatures, first: int) -> Floats:
+    """Return (2,) the start of a piece's path on the clip's path [m]; each path starts above its own origin."""
+    match = human.calibration.match
+    column = match.index("pelvis") if "pelvis" in match.keypoints else slice(None)
+    start, begun = (human.positions[t, column].reshape(-1, 3).mean(axis=0) for t in (0, first))
+    return (begun - start)[:2] * match.leg_ratio
+
+
+def _moved(qpos: Floats, robot: Robot, way: Floats) -> Floats:
+    """Return configurations (T, nq) moved along the floor by (2,) [m]; a robot with a fixed root stays."""
+    moved = qpos.copy()
+    if robot.floating:
+        moved[:, robot.root_address : robot.root_address + 2] += way
+    return moved

@@ -12,8 +12,7 @@ from robot_retarget.robot import Robot
 from robot_retarget.robot.dynamics import raise_root, root_dofs
 from robot_retarget.robot.kinematics import SweptConfiguration, difference, integrate, parts_between
 from robot_retarget.solver.compiled import QuadraticPrograms
-from robot_retarget.solver.descent import Box, Descent, FrameSolution, TrustRegions
-from robot_retarget.solver.frame_model import frame_model
+from robot_retarget.solver.descent import Box, Descent, FrameSolution, TrustRegions, frame_model
 from robot_retarget.solver.limits import JointBounds, Targets
 from robot_retarget.solver.options import SolveOptions
 from robot_retarget.solver.problem import ClipTargets, EdgeTargets, Problem

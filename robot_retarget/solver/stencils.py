@@ -13,9 +13,9 @@ from robot_retarget.graph.symbolic_robot import SymbolicRobot
 from robot_retarget.graph.track import Track
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot
-from robot_retarget.solver.build_key import build_key
 from robot_retarget.solver.compiled import Build
-from robot_retarget.solver.targets import ClipTargets, EdgeTargets
+from robot_retarget.solver.limits import ClipTargets, EdgeTargets
+from robot_retarget.solver.native import build_key
 
 Terms = tuple[Floats, Floats, Floats]
 """Costs (…), halves of their gradients (…, nv) and their normal matrices (…, nv, nv)."""

@@ -25,11 +25,11 @@ from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import MOST_FPS, RobotGraph, describe
 from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.distances import Separation
-from robot_retarget.solver import causal as causal_module
 from robot_retarget.solver import clip as clip_module
 from robot_retarget.solver import passes as passes_module
 from robot_retarget.solver import quadratic as quadratic_module
 from robot_retarget.solver import sqp as sqp_module
+from robot_retarget.solver import starts as starts_module
 from robot_retarget.solver.candidates import coarse_path
 from robot_retarget.solver.compiled import Mapped, QuadraticPrograms
 from robot_retarget.solver.options import Smoothing
@@ -50,7 +50,7 @@ IK_STEPS, FIRST_STEPS, IK_TOLERANCE = 10, 60, 1e-3
 """mink's steps a frame and at the first frame, and the step [rad or m] under which it is done, as our own rule."""
 PROGRAM = "quadratic program"
 MOVES: list[tuple[object, str]] = [(sqp_module, "integrate"), (quadratic_module, "difference")]
-MOVES += [(module, f) for module in (causal_module, passes_module) for f in ("integrate", "difference")]
+MOVES += [(module, f) for module in (starts_module, passes_module) for f in ("integrate", "difference")]
 Places = Mapping[str, list[tuple[object, str]]]
 PARTS: Places = {
     "kinematics and normal equations": [(Mapped, "__call__")],

@@ -23,8 +23,8 @@ from robot_retarget.graph.describe import CausalTargets, at_rate
 from robot_retarget.human.causal import CausalFeatures
 from robot_retarget.human.motion import Motion
 from robot_retarget.robot import Robot
-from robot_retarget.solver.live.stream import Stream
 from robot_retarget.solver.sqp import FrameSolver
+from robot_retarget.solver.stream import Stream
 
 RATES = (30.0, 60.0, 120.0)
 PARTS = {

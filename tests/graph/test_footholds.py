@@ -33,8 +33,8 @@ from robot_retarget.human.read import read_motion
 from robot_retarget.robot import Robot, load_robot, world_points
 from robot_retarget.robot.recognise import recognise
 from robot_retarget.robot.support import sole_corners
-from robot_retarget.solver.live.stream import stream
 from robot_retarget.solver.solve import solve_graph
+from robot_retarget.solver.stream import stream
 
 SOLE = np.array([[0.2, 0.05, 0], [0.2, -0.05, 0], [0, 0.05, 0], [0, -0.05, 0]])
 """Front left, front right, rear left, rear right [m]."""

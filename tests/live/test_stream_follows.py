@@ -22,7 +22,7 @@ from robot_retarget.live.loop import Loop
 from robot_retarget.live.protocols.lines import line_of, skeleton_line
 from robot_retarget.live.protocols.vmc import VmcDecoder
 from robot_retarget.robot import load_robot
-from robot_retarget.solver.live.stream import Stream
+from robot_retarget.solver.stream import Stream
 
 WAVE = str(SAMPLES / "wave.bvh")
 COMMAND = [sys.executable, "-m", "robot_retarget", "stream", "--robot", "op3"]

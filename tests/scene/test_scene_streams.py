@@ -19,8 +19,7 @@ from robot_retarget.live.faults import FaultCounter
 from robot_retarget.live.protocols.lines import LineDecoder, line_of, skeleton_line
 from robot_retarget.scene.scene import RigidBody, Scene
 from robot_retarget.scene.shape import ShapeKind, solid
-from robot_retarget.solver.live.follower import StreamPose
-from robot_retarget.solver.live.stream import Stream
+from robot_retarget.solver.stream import Stream, StreamPose
 
 OP3 = rr.load_robot("op3")
 SCENES = ROOT / "samples/scenes"

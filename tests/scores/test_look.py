@@ -15,8 +15,7 @@ from robot_retarget.graph import describe as graph_module
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot
 from robot_retarget.scores.plausibility import _elbows, mismatch, plausibility_checks
-from robot_retarget.solver.pipeline import retarget
-from robot_retarget.solver.result import Result
+from robot_retarget.solver.pipeline import Result, retarget
 
 
 @cache

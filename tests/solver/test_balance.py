@@ -35,7 +35,7 @@ from robot_retarget.solver.balance.plan import (
     timeline_of,
 )
 from robot_retarget.solver.balance.playback import Pacing, least_durations, motion_needs, stretched
-from robot_retarget.solver.result import Result
+from robot_retarget.solver.pipeline import Result
 
 LEVER = 0.25 / 9.81
 """Of a centre of mass 0.25 m above the floor [s²]."""

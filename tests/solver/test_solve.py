@@ -17,9 +17,8 @@ from robot_retarget.human.recognition.recognise import Mark, Recognition
 from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.robot import load_robot, recognise, world_points
 from robot_retarget.solver.options import Search, Smoothing
-from robot_retarget.solver.pipeline import retarget
+from robot_retarget.solver.pipeline import Result, retarget
 from robot_retarget.solver.problem import build_problem
-from robot_retarget.solver.result import Result
 from robot_retarget.solver.solve import solve_graph
 from robot_retarget.tools.summary import describe_solution
 

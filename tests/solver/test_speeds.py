@@ -12,7 +12,7 @@ from robot_retarget.base.files import SAMPLES
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot
 from robot_retarget.solver.pipeline import retarget
-from robot_retarget.solver.speeds import within_speeds
+from robot_retarget.solver.smooth import within_speeds
 
 
 def rough(draw: np.random.Generator, frames: int) -> np.ndarray:

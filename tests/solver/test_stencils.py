@@ -16,10 +16,9 @@ from robot_retarget.graph.kinds import clip_kinds
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
 from robot_retarget.graph.weights import Weights
 from robot_retarget.robot.kinematics import integrate
-from robot_retarget.solver.joined_path import joined_offsets, joined_rows
 from robot_retarget.solver.options import SolveOptions
 from robot_retarget.solver.problem import build_problem, targets_of
-from robot_retarget.solver.smooth import SmoothSystem
+from robot_retarget.solver.smooth import SmoothSystem, joined_offsets, joined_rows
 from robot_retarget.solver.sqp import FrameSolver
 
 FRAMES, FPS = 7, 30.0

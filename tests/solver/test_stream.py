@@ -13,9 +13,9 @@ from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.track import Status
 from robot_retarget.human.motion import Motion
 from robot_retarget.robot import Robot
-from robot_retarget.solver.live.realtime import follower
-from robot_retarget.solver.live.stream import CALIBRATED, Stream, StreamPose
 from robot_retarget.solver.options import RealTime
+from robot_retarget.solver.realtime import follower
+from robot_retarget.solver.stream import CALIBRATED, Stream, StreamPose
 
 
 @pytest.fixture(scope="module")

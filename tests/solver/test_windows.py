@@ -12,11 +12,9 @@ from robot_retarget.graph.footholds import foothold_corners
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot, world_points
 from robot_retarget.robot.support import sole_corners
-from robot_retarget.solver.options import Smoothing
-from robot_retarget.solver.pipeline import retarget
-from robot_retarget.solver.result import Result
+from robot_retarget.solver.options import Smoothing, Windows
+from robot_retarget.solver.pipeline import Result, retarget
 from robot_retarget.solver.smooth import smooth_offsets
-from robot_retarget.solver.windows import Windows
 
 SHORT = Windows(3.0)
 seconds = st.floats(0.1, 5.0)

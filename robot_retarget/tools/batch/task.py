@@ -133,8 +133,8 @@ def _made(task: Task) -> dict[str, Any]:
 def _retargeted(motion: "Motion", robot: "Robot", settings: Settings) -> "tuple[Trajectory, tuple[str, ...]]":
     """The trajectory and its notes; long clips are solved piece by piece, in bounded memory."""
     from robot_retarget.graph.weights import Weights
-    from robot_retarget.solver.long import solve_long
     from robot_retarget.solver.pipeline import retarget
+    from robot_retarget.solver.solve import solve_long
 
     common: dict[str, Any] = {"fps": settings.fps, "overrides": settings.map_file}
     if motion.duration > LONG and settings.balance == "off":

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from robot_retarget.graph.describe import RobotGraph
     from robot_retarget.human.motion import Motion
     from robot_retarget.robot import Robot
-    from robot_retarget.solver.result import Result
+    from robot_retarget.solver.pipeline import Result
 
 DEFAULT_ROBOT = "op3"
 ROBOT = "A shipped name (op3), an MJCF file, or a robot_descriptions name"

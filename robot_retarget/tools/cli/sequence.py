@@ -24,7 +24,7 @@ from robot_retarget.tools.cli.stages import save_judged
 if TYPE_CHECKING:
     from robot_retarget.base.errors import BalanceError
     from robot_retarget.judge.report import Report
-    from robot_retarget.solver.result import Result
+    from robot_retarget.solver.pipeline import Result
     from robot_retarget.trajectory import Trajectory
 
 commands: typer.Typer = typer.Typer()

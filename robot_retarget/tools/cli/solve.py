@@ -27,7 +27,7 @@ from robot_retarget.tools.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from robot_retarget.solver.result import Result
+    from robot_retarget.solver.pipeline import Result
 
 commands: typer.Typer = typer.Typer()
 

@@ -128,7 +128,7 @@ class StreamRun:
         """The loop into a sink."""
         from robot_retarget.live.calibration import load_calibration
         from robot_retarget.live.loop import Loop
-        from robot_retarget.solver.live.stream import Stream
+        from robot_retarget.solver.stream import Stream
 
         path = self.calibrate
         known = None if path is None or not path.exists() else load_calibration(path)

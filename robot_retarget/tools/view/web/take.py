@@ -123,7 +123,7 @@ def _in_step(motion: Motion, trajectory: Trajectory) -> Motion:
 
 if TYPE_CHECKING:
     from robot_retarget.judge.report import Report
-    from robot_retarget.solver.result import Result
+    from robot_retarget.solver.pipeline import Result
 
 ASSETS = Path(__file__).with_name("assets")
 CELL = 720

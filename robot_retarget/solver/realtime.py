@@ -1,0 +1,296 @@
+"""The real-time iteration: one frame after the other, each by a step or two from the prediction of the frames before.
+
+    minimise  Σ π ϱ(e) + Σ w ‖q ⊖ (q₁ ⊕ β h v₁)‖²
+
+with q₁ the pose before, v₁ its velocity and h the time since. The second term is the second-difference edge to the two
+frames before, made independent of the rate. With its w and β, the pose follows an edge of π = 1/rad² like a mass m on a
+spring and a damper, m ẍ = −(x − y) − c ẋ, sampled exactly every h.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from math import cos, exp, pi, sqrt
+
+import numpy as np
+
+from robot_retarget.base.arrays import Bools, Floats, smoothstep
+from robot_retarget.graph.role import CAUSAL_DIFFERENCE, SECOND_DIFFERENCE
+from robot_retarget.graph.status import Status
+from robot_retarget.robot import Robot
+from robot_retarget.robot.kinematics import difference, integrate
+from robot_retarget.solver.descent import Box, FrameSolution
+from robot_retarget.solver.options import RealTime
+from robot_retarget.solver.problem import FARTHEST, EdgeTargets
+from robot_retarget.solver.quadratic import Proximal
+from robot_retarget.solver.smooth import smooth_offsets
+from robot_retarget.solver.sqp import FrameSolver
+from robot_retarget.solver.stencils import Neighbours
+
+# The home pose of a frame: the end of a descent from the standing pose, independent of the past.
+#
+# The pose that follows the performer stays in its basin of attraction. In parallel, a second pose starts from the
+# standing pose repeatedly and advances one step at a time. Where it reaches the first, mostly after two to four steps, it rests
+# until the next start. If it ends elsewhere and costs clearly less, the hinges that differ move to it along a smooth curve in
+# time, and all other hinges follow their targets.
+
+LED = 0.25
+"""Hinges move to the home pose if they differ by more than this share of the basin threshold (`RealTime.same`), and without
+such hinges the second pose has reached the first [-] ..."""
+GIVE = 0.1
+"""... and may deviate from their curve by this share of it, so that the other targets keep their effect [-]."""
+ROUNDING = 0.99
+"""Each frame takes one step when frames arrive at the step rate, whatever the last digit of their times [-]."""
+
+
+@dataclass(eq=False)
+class HomeTransition:
+    """A transition to the home pose."""
+
+    hinges: np.ndarray
+    """(n,) whether a hinge takes part."""
+    since: Floats
+    """(n,) angles at the start [rad]."""
+    lasts: float
+    """Duration [s]."""
+    gone: float = 0.0
+    """Elapsed time [s]."""
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the duration is over."""
+        return self.gone >= self.lasts
+
+    def around(self, box: Box, home: Floats, slack: float) -> Box:
+        """Return the box with the moving hinges on their curve to the home angles (n,), as far as the box allows."""
+        share = smoothstep(min(self.gone / self.lasts, 1.0))
+        aim = np.clip((1 - share) * self.since + share * home, box.lower, box.upper)
+        lower = np.where(self.hinges, np.maximum(aim - slack, box.lower), box.lower)
+        upper = np.where(self.hinges, np.minimum(aim + slack, box.upper), box.upper)
+        return Box(lower, upper, box.root)
+
+
+class BasinEscape:
+    """Search for the home pose of a stream, and move to it."""
+
+    solver: FrameSolver
+    options: RealTime
+    steps: int
+    waited: float
+
+    def __init__(self, solver: FrameSolver, options: RealTime):
+        self.solver, self.options = solver, options
+        self.pose: FrameSolution | None = None
+        """The second pose; None while it rests."""
+        self.steps, self.waited = options.home_steps, 0.0
+        self.lead: HomeTransition | None = None
+
+    def move_home(self, standing: Floats, targets: EdgeTargets, before: Floats) -> None:
+        """Descend from a standing pose to the home pose, and start the transition to it."""
+        self.pose = self.solver.solve_frame(standing, targets, iterations=self.options.start)
+        self._set_out(before, targets)
+
+    def search_step(
+        self, current: FrameSolution, targets: EdgeTargets, standing: Callable[[], Floats], seconds: float
+    ) -> None:
+        """Take one step of the search if it is due; start the transition when the home pose is found and cheaper."""
+        self.waited += seconds
+        if self.waited < ROUNDING / self.options.home_rate:
+            return
+        self.waited, there = 0.0, self.steps >= self.options.home_steps and self.lead is None
+        if there and self.pose is not None and self._better(self.pose, current):
+            self._set_out(current.qpos, targets)
+        elif there:
+            self.pose, self.steps = FrameSolution(standing(), current.status, np.inf, 0), 0
+        self.steps += 1
+        if self.pose is not None:
+            self.pose = self.solver.real_time_step(self.pose.qpos, targets, None, self.solver.ranges(targets), 1)
+            if self.lead is None and not self._leads(self._way(current.qpos)).any():
+                self.pose = None
+
+    def box(self, box: Box, seconds: float) -> Box:
+        """Return the box with the moving hinges on their curves."""
+        if self.lead is None or self.pose is None:
+            return box
+        self.lead.gone += seconds
+        led = self.lead.around(box, self.pose.qpos[self.solver.robot.qpos_index], GIVE * self.options.same)
+        if self.lead.arrived:
+            self.lead, self.steps = None, self.options.home_steps
+        return led
+
+    def _better(self, home: FrameSolution, current: FrameSolution) -> bool:
+        apart = self._way(current.qpos).max(initial=0.0)
+        return bool(apart > self.options.same and home.cost < self.options.worth * current.cost)
+
+    def _way(self, qpos: Floats) -> Floats:
+        """Return how far each hinge (n,) of a configuration is from the second pose [rad]."""
+        assert self.pose is not None
+        return np.abs(self.pose.qpos - qpos)[self.solver.robot.qpos_index]
+
+    def _leads(self, way: Floats) -> Bools:
+        """Return which hinges (n,) would move to the second pose."""
+        return way > LED * self.options.same
+
+    def _set_out(self, before: Floats, targets: EdgeTargets) -> None:
+        way = self._way(before)
+        hinges = self._leads(way)
+        if hinges.any():
+            needed = (way / self.solver.bounds(targets).speed)[hinges].max() / self.options.unhurried
+            since = before[self.solver.robot.qpos_index]
+            self.lead = HomeTransition(hinges, since, max(float(needed), self.options.ease))
+
+
+class RealTimeSolver:
+    """A pose that follows its targets; it remembers the pose before and its velocity."""
+
+    solver: FrameSolver
+    robot: Robot
+    options: RealTime
+
+    def __init__(self, solver: FrameSolver, options: RealTime):
+        """Follow with one solver; its tracks define the inertia."""
+        self.solver, self.robot, self.options = solver, solver.robot, options
+        dofs, free = solver.roots, self.robot.floating
+        self.root: Floats = np.full(len(dofs), options.root_turn)
+        self.root[: 3 if free else 0] = options.root_speed
+        self.home: BasinEscape = BasinEscape(solver, options)
+        self.pose: FrameSolution | None = None
+        self.before: deque[Floats] = deque(maxlen=FARTHEST)
+        """Configurations (nq,) of the latest frames, the latest first."""
+        self.velocity: Floats = np.zeros(self.robot.model.nv)
+        """(nv,) velocity of the pose [rad/s, m/s]."""
+        self.pace: float = 1.0
+        """The usable share of the joints' speeds [-]."""
+
+    def begin(self, start: Floats, targets: EdgeTargets) -> FrameSolution:
+        """Return the first pose, independent of earlier frames."""
+        pose = self.solver.solve_frame(start, targets, iterations=self.options.start)
+        return self._kept(self.solver.raise_above_floor(pose, targets), np.zeros_like(self.velocity))
+
+    def stand(self, qpos: Floats, targets: EdgeTargets) -> FrameSolution:
+        """Return the first pose at rest in a stand; later steps move it towards the targets."""
+        pose = self.solver.raise_above_floor(FrameSolution(qpos, Status.CALIBRATING, 0.0, 0), targets)
+        self.home.move_home(pose.qpos, targets, pose.qpos)
+        return self._kept(pose, np.zeros_like(self.velocity))
+
+    @property
+    def qpos(self) -> Floats:
+        """(nq,) configuration of the latest pose."""
+        assert self.pose is not None
+        return self.pose.qpos
+
+    def step(self, targets: EdgeTargets, seconds: float, standing: Callable[[], Floats]) -> FrameSolution:
+        """Return the next pose.
+
+        Args:
+            targets: of the frame.
+            seconds: time since the previous pose [s].
+            standing: returns the standing pose (nq,) at the human's place.
+        """
+        options, before = self.options, self.qpos
+        if seconds > options.gap:
+            seconds, self.pace, self.velocity = options.gap, 0.0, np.zeros_like(self.velocity)
+        self.pace = min(1.0, self.pace + seconds / options.ease)
+        box = self.home.box(self._reachable(before, targets, self.pace * seconds), seconds)
+        weight, kept = follower(options, seconds)
+        anchor = integrate(self.robot, before, kept * seconds * self.velocity)
+        anchor[self.robot.qpos_index] = anchor[self.robot.qpos_index].clip(box.lower, box.upper)
+        inertia = self.solver.problem.limits.differences(targets, CAUSAL_DIFFERENCE).weight
+        proximal = Proximal(anchor, np.zeros_like(self.velocity), weight * inertia)
+        around = Neighbours({-1 - k: q for k, q in enumerate(self.before)}, {0: targets}, seconds)
+        steps = max(1, round(options.steps * seconds))
+        pose = self.solver.real_time_step(anchor, targets, proximal, box, steps, around)
+        if pose.status is Status.BLOCKED:
+            self.home.lead = None
+            pose = self.solver.real_time_step(
+                before, targets, proximal, self.solver.reachable(before, targets, seconds), 1, around
+            )
+        pose = self.solver.repaired(before, pose, targets)
+        self.home.search_step(pose, targets, standing, seconds)
+        return self._kept(pose, difference(self.robot, before, pose.qpos) / seconds)
+
+    def _kept(self, pose: FrameSolution, velocity: Floats) -> FrameSolution:
+        self.pose, self.velocity = pose, velocity
+        self.before.appendleft(pose.qpos)
+        return pose
+
+    def _reachable(self, before: Floats, targets: EdgeTargets, seconds: float) -> Box:
+        box = self.solver.reachable(before, targets, seconds)
+        return Box(box.lower, box.upper, (before, self.root * seconds))
+
+
+def follower(options: RealTime, seconds: float) -> tuple[float, float]:
+    """Return w [1/rad²] and β [-] of the edge to the frames before, for this time between frames [s].
+
+    The recursion x = (y + w (x₁ + β (x₁ − x₂))) / (1 + w) has the poles of the damped spring, e^{(−ζ ± i √(1−ζ²)) ω h}:
+    their product is r β and their sum r (1 + β), with r = w / (1 + w).
+    """
+    turn = 2 * pi * options.frequency * seconds
+    radius = exp(-options.damping * turn)
+    product, total = radius**2, 2 * radius * cos(sqrt(1 - options.damping**2) * turn)
+    share = max(total - product, 0.0)
+    return share / (1 - share), min(max(product / share, 0.0), 1.0) if share > 0 else 0.0
+
+
+# Fixed-lag smoothing: a pose is returned some frames late, moved to the smooth path through the frames after it.
+
+GIVEN = 2
+"""Number of returned poses that fix the start of the path: second differences span no more."""
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedFrame:
+    """A frame of a stream after the real-time iteration."""
+
+    pose: FrameSolution
+    targets: EdgeTargets
+    time: float
+    seconds: float
+    """Time since the frame before [s]."""
+
+
+class FixedLag:
+    """Return poses `lag` frames late."""
+
+    solver: FrameSolver
+    lag: int
+    robot: Robot
+    proximal: float
+
+    def __init__(self, solver: FrameSolver, lag: int, options: RealTime):
+        """Set the lag in frames; the solver's tracks define the second differences to be smoothed."""
+        self.solver, self.lag, self.robot, self.proximal = solver, lag, solver.robot, options.drawn
+        self.waiting: deque[SolvedFrame] = deque()
+        self.given: deque[Floats] = deque(maxlen=GIVEN)
+
+    def smoothed(self, newest: SolvedFrame) -> tuple[FrameSolution, float]:
+        """Return the oldest waiting pose, smoothed with the newest, and the time of its frame [s].
+
+        Until `lag` frames wait, the first pose is returned repeatedly.
+        """
+        self.waiting.append(newest)
+        first = self.waiting[0]
+        if not self.given:
+            self.given.append(first.pose.qpos)
+        if len(self.waiting) <= self.lag:
+            return first.pose, first.time
+        self.waiting.popleft()
+        pose = self._drawn(first, [solved.pose.qpos for solved in self.waiting])
+        self.given.append(pose.qpos)
+        return pose, first.time
+
+    def _drawn(self, first: SolvedFrame, after: list[Floats]) -> FrameSolution:
+        before = self.given[-1]
+        path = [*self.given, first.pose.qpos, *after]
+        speed = np.array([difference(self.robot, a, b) for a, b in pairwise(path)])
+        smooth = self.solver.problem.limits.differences(first.targets, SECOND_DIFFERENCE)
+        weight, known = self.proximal * smooth.inertia, len(self.given)
+        offset = smooth_offsets(speed, smooth.weight / weight, known, smooth.bend)[known]
+        box = self.solver.reachable(before, first.targets, first.seconds)
+        start, columns = integrate(self.robot, first.pose.qpos, offset), self.robot.qpos_index
+        start[columns] = np.clip(start[columns], box.lower, box.upper)
+        proximal = Proximal(start, np.zeros(len(offset)), weight)
+        around = Neighbours({-1 - k: q for k, q in enumerate(reversed(self.given))}, {0: first.targets}, first.seconds)
+        pose = self.solver.real_time_step(start, first.targets, proximal, box, 1, around)
+        return self.solver.repaired(before, pose, first.targets)
