@@ -11,7 +11,7 @@ import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, Ints
 from robot_retarget.graph.rows import ContactRows
-from robot_retarget.graph.status import Status
+from robot_retarget.graph.track import Status
 from robot_retarget.solver.options import SolveOptions
 from robot_retarget.solver.problem import ClipTargets, EdgeTargets
 from robot_retarget.solver.quadratic import Between, CostModel, Proximal, Quadratic, diagonal

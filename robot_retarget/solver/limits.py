@@ -7,8 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, Ints, as_slice
-from robot_retarget.graph.role import FRAME, Form, Role
-from robot_retarget.graph.track import Track, ordered
+from robot_retarget.graph.track import FRAME, Form, Role, Track, ordered
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import tangent_names
 

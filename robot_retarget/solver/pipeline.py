@@ -12,7 +12,7 @@ from robot_retarget.base.progress import Progress, consecutive
 from robot_retarget.collision.warn import Warnings, warnings_of
 from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.graph.kinds import KINDS
-from robot_retarget.graph.status import Status
+from robot_retarget.graph.track import Status
 from robot_retarget.graph.weights import Weights
 from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion

@@ -20,9 +20,21 @@ from robot_retarget.base.arrays import Floats, Ints, as_slice
 from robot_retarget.base.errors import GraphError, known
 from robot_retarget.graph.kind import Kind
 from robot_retarget.graph.kinds import KINDS
-from robot_retarget.graph.role import CAUSAL_DIFFERENCE, FRAME, SECOND_DIFFERENCE, STEP, Form, Role
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
-from robot_retarget.graph.track import HARD, Form, Role, Track, columns_of, frame_costs, joins, ordered
+from robot_retarget.graph.track import (
+    CAUSAL_DIFFERENCE,
+    FRAME,
+    HARD,
+    SECOND_DIFFERENCE,
+    STEP,
+    Form,
+    Role,
+    Track,
+    columns_of,
+    frame_costs,
+    joins,
+    ordered,
+)
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import tangent_names

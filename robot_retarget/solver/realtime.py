@@ -16,8 +16,7 @@ from math import cos, exp, pi, sqrt
 import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, smoothstep
-from robot_retarget.graph.role import CAUSAL_DIFFERENCE, SECOND_DIFFERENCE
-from robot_retarget.graph.status import Status
+from robot_retarget.graph.track import CAUSAL_DIFFERENCE, SECOND_DIFFERENCE, Status
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solver.descent import Box, FrameSolution

@@ -9,8 +9,7 @@ import numpy as np
 from robot_retarget.base.arrays import Floats, Ints
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.graph import EdgeError
-from robot_retarget.graph.status import Status
-from robot_retarget.graph.track import HARD, Track
+from robot_retarget.graph.track import HARD, Status, Track
 from robot_retarget.robot.kinematics import integrate
 from robot_retarget.solver.limits import JointBounds
 from robot_retarget.solver.problem import FARTHEST, EdgeTargets, Problem, targets_of

@@ -11,9 +11,8 @@ from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import MatchError
 from robot_retarget.base.progress import Count, Progress
 from robot_retarget.graph.describe import RobotGraph, at_rate, graph_of
-from robot_retarget.graph.role import SECOND_DIFFERENCE, Form, Role
 from robot_retarget.graph.rows import Past
-from robot_retarget.graph.status import Status
+from robot_retarget.graph.track import SECOND_DIFFERENCE, Form, Role, Status
 from robot_retarget.graph.weights import Weights
 from robot_retarget.human.features import HumanFeatures, features_of
 from robot_retarget.human.match import match

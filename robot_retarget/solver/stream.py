@@ -12,13 +12,12 @@ import numpy as np
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import UsageError
-from robot_retarget.graph.causal.targets import CausalTargets
-from robot_retarget.graph.describe import RobotGraph, among, describe
+from robot_retarget.graph.describe import CausalTargets, RobotGraph, among, describe
 from robot_retarget.graph.footholds import placed_feet
 from robot_retarget.graph.kind import Kind
 from robot_retarget.graph.kinds import stream_kinds
-from robot_retarget.graph.path import RootScaling, root_scaling_of
-from robot_retarget.graph.status import Status
+from robot_retarget.graph.placed_scene import RootScaling, root_scaling_of
+from robot_retarget.graph.track import Status
 from robot_retarget.graph.weights import Weights
 from robot_retarget.human.causal import CausalFeatures, CausalSurroundings
 from robot_retarget.human.features import HumanFeatures
