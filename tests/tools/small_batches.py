@@ -11,8 +11,7 @@ import robot_retarget as rr
 from robot_retarget.tools.batch.manifest import Manifest
 from robot_retarget.tools.batch.pool import Report, Stopping
 from robot_retarget.tools.batch.run import Engine, RunSummary, locked_folder, perform_all, plan_of
-from robot_retarget.tools.batch.settings import Allowance, Job
-from robot_retarget.tools.batch.task import Row, Task, TaskResult, perform
+from robot_retarget.tools.batch.task import Allowance, Job, Row, Task, TaskResult, perform
 
 FRAMES = 12
 

@@ -15,7 +15,7 @@ from shared_files import ROOT
 from small_batches import contents, cut_clips, here, job_of, rows_of, run
 
 from robot_retarget.tools.batch.pool import run_local
-from robot_retarget.tools.batch.settings import Allowance
+from robot_retarget.tools.batch.task import Allowance
 
 PATIENCE = 120.0
 """Of a busy machine [s]."""

@@ -12,8 +12,7 @@ from small_batches import contents, cut_clips, here, job_of, run
 
 from robot_retarget.tools.batch.cluster import run_ray
 from robot_retarget.tools.batch.pool import Report, Stopping
-from robot_retarget.tools.batch.settings import Allowance
-from robot_retarget.tools.batch.task import Task
+from robot_retarget.tools.batch.task import Allowance, Task
 
 ray: Any = pytest.importorskip("ray", reason="needs Ray, the extra cluster")
 

@@ -15,8 +15,7 @@ from robot_retarget.tools.batch.duplicates import near_duplicates
 from robot_retarget.tools.batch.manifest import Manifest
 from robot_retarget.tools.batch.pool import run_local
 from robot_retarget.tools.batch.run import plan_of
-from robot_retarget.tools.batch.settings import Allowance, Job, Settings
-from robot_retarget.tools.batch.task import Row, Task, robot_of
+from robot_retarget.tools.batch.task import Allowance, Job, Row, Settings, Task, robot_of
 from robot_retarget.tools.cli import app
 
 

@@ -7,8 +7,7 @@ from typing import Any
 
 from robot_retarget.base.errors import UsageError, install_line
 from robot_retarget.tools.batch.pool import POLL, THREADS, Report, Stopping
-from robot_retarget.tools.batch.settings import Allowance
-from robot_retarget.tools.batch.task import CRASHED, MEMORY, TIMEOUT, Task, TaskResult, perform
+from robot_retarget.tools.batch.task import CRASHED, MEMORY, TIMEOUT, Allowance, Task, TaskResult, perform
 
 
 def run_ray(

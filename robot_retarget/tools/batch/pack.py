@@ -12,8 +12,7 @@ from robot_retarget.base.untrusted.arrays import save_npz
 from robot_retarget.base.untrusted.pickles import dump_pickle, load_pickle
 from robot_retarget.formats import FORMATS, FormatOptions
 from robot_retarget.formats.robot_motion import RobotMotion, robot_motion
-from robot_retarget.tools.batch.settings import Job
-from robot_retarget.tools.batch.task import DONE, Row, robot_of
+from robot_retarget.tools.batch.task import DONE, Job, Row, robot_of
 from robot_retarget.trajectory import load_trajectory
 
 FOLDER = "packed"

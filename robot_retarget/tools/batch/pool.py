@@ -13,8 +13,7 @@ from multiprocessing.connection import wait
 from pathlib import Path
 
 import robot_retarget
-from robot_retarget.tools.batch.settings import Allowance
-from robot_retarget.tools.batch.task import CRASHED, MEMORY, TIMEOUT, Task, TaskResult
+from robot_retarget.tools.batch.task import CRASHED, MEMORY, TIMEOUT, Allowance, Task, TaskResult
 
 POLL = 0.1
 """Limits are looked at this often [s]."""

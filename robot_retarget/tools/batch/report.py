@@ -8,9 +8,8 @@ from robot_retarget.base.files import folder, write_csv, write_text
 from robot_retarget.tools.batch.duplicates import near_duplicates
 from robot_retarget.tools.batch.filters import Chosen, Filter, choose
 from robot_retarget.tools.batch.page import ClipCard, extremes_of, save_page
-from robot_retarget.tools.batch.settings import Job
 from robot_retarget.tools.batch.summary import save_csv, save_parquet
-from robot_retarget.tools.batch.task import Row, robot_of
+from robot_retarget.tools.batch.task import Job, Row, robot_of
 
 LISTS, PICTURES = "lists", "extremes"
 

@@ -15,8 +15,19 @@ from robot_retarget.robot.model import robot_sha256
 from robot_retarget.tools.batch.clips import MotionFile, find_clips
 from robot_retarget.tools.batch.manifest import COLUMNS, NAME, Manifest
 from robot_retarget.tools.batch.pool import Report, Stopping
-from robot_retarget.tools.batch.settings import Allowance, Job, Settings, sha256_of
-from robot_retarget.tools.batch.task import DONE, MIRROR, UNWRITABLE, Row, Task, TaskResult, robot_of
+from robot_retarget.tools.batch.task import (
+    DONE,
+    MIRROR,
+    UNWRITABLE,
+    Allowance,
+    Job,
+    Row,
+    Settings,
+    Task,
+    TaskResult,
+    robot_of,
+    sha256_of,
+)
 
 Engine = Callable[[Sequence[Task], Allowance, Report, Stopping], None]
 """Performs tasks and reports each outcome: `pool.run_local`, `cluster.run_ray`."""

@@ -26,7 +26,7 @@ from robot_retarget.tools.cli.options import (
 if TYPE_CHECKING:
     from robot_retarget.tools.batch.filters import Chosen, Filter
     from robot_retarget.tools.batch.run import Engine, RunPlan, RunSummary
-    from robot_retarget.tools.batch.settings import Job, Settings, Shard
+    from robot_retarget.tools.batch.task import Job, Settings, Shard
 
 commands: typer.Typer = typer.Typer()
 MERGE = "merge"
@@ -63,7 +63,7 @@ class BatchOptions(FollowOptions, FreezeOptions, LimitOptions, RateOptions, MapO
 
     def settings(self) -> "Settings":
         """Return what determines the outputs."""
-        from robot_retarget.tools.batch.settings import Settings
+        from robot_retarget.tools.batch.task import Settings
 
         how = Settings(self.fps, self.preset, self.legs, self.balance, self.frames, self.up, self.repair)
         return replace(
@@ -78,7 +78,7 @@ class BatchOptions(FollowOptions, FreezeOptions, LimitOptions, RateOptions, MapO
 
     def job(self) -> "Job":
         """Return the work to do."""
-        from robot_retarget.tools.batch.settings import Allowance, Job
+        from robot_retarget.tools.batch.task import Allowance, Job
 
         allowed, retry = Allowance(self.timeout, self.memory), tuple(self.retry or ())
         include, exclude = tuple(self.include or ()), tuple(self.exclude or ())
@@ -192,7 +192,7 @@ def _estimate(job: "Job", jobs: int, printing: PrintOptions) -> None:
 
 
 def _merge(parts: list[Path], out: Path, printing: PrintOptions) -> None:
-    from robot_retarget.tools.batch.merge import merge
+    from robot_retarget.tools.batch.manifest import merge
 
     if not parts:
         raise UsageError("merge takes folders of results: batch merge A B --out ALL")
@@ -212,7 +212,7 @@ def _require(how: BatchOptions) -> None:
 
 
 def _shard(text: str | None) -> "Shard":
-    from robot_retarget.tools.batch.settings import Shard
+    from robot_retarget.tools.batch.task import Shard
 
     if text is None:
         return Shard()
