@@ -19,7 +19,7 @@ from robot_retarget.base.untrusted.documents import sealed
 from robot_retarget.judge.thresholds import Thresholds
 from robot_retarget.robot import load_robot
 from robot_retarget.servo.judgement import require_judged
-from robot_retarget.tools.cli.stages import judged_plain
+from robot_retarget.tools.cli.run import judged_plain
 from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory
 
 QPOS = np.zeros((11, 4))

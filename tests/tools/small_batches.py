@@ -8,9 +8,9 @@ from pathlib import Path
 from shared_files import ROOT
 
 import robot_retarget as rr
-from robot_retarget.tools.batch.manifest import Manifest
+from robot_retarget.tools.batch.manifest import Manifest, locked_folder
 from robot_retarget.tools.batch.pool import Report, Stopping
-from robot_retarget.tools.batch.run import Engine, RunSummary, locked_folder, perform_all, plan_of
+from robot_retarget.tools.batch.run import Engine, RunSummary, perform_all, plan_of
 from robot_retarget.tools.batch.task import Allowance, Job, Row, Task, TaskResult, perform
 
 FRAMES = 12

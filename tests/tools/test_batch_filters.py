@@ -12,10 +12,8 @@ import robot_retarget as rr
 from robot_retarget.base.errors import UsageError
 from robot_retarget.base.untrusted.pickles import load_pickle
 from robot_retarget.scores.table import FIGURES
-from robot_retarget.tools.batch.duplicates import near_duplicates
-from robot_retarget.tools.batch.filters import choose, read_filters
-from robot_retarget.tools.batch.pack import pack_all
-from robot_retarget.tools.batch.report import write_reports
+from robot_retarget.tools.batch.filters import choose, near_duplicates, read_filters
+from robot_retarget.tools.batch.report import pack_all, write_reports
 from robot_retarget.tools.batch.task import Row
 
 
@@ -115,7 +113,7 @@ def test_reports_and_packed_files_hold_every_clip(tmp_path: Path) -> None:
 
 def test_parquet_holds_the_same_table(tmp_path: Path) -> None:
     parquet = pytest.importorskip("pyarrow.parquet", reason="needs pyarrow")
-    from robot_retarget.tools.batch.summary import save_parquet
+    from robot_retarget.tools.batch.report import save_parquet
 
     save_parquet([row("a", speed_p99=1.5), row("b")], tmp_path / "t.parquet")
     table = parquet.read_table(tmp_path / "t.parquet").to_pydict()

@@ -35,7 +35,7 @@ def done(clips: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def workers() -> list[psutil.Process]:
     running = [p for p in psutil.Process().children() if p.status() != psutil.STATUS_ZOMBIE]
-    return [p for p in running if "robot_retarget.tools.batch.worker" in " ".join(p.cmdline())]
+    return [p for p in running if "robot_retarget.tools.batch.pool" in " ".join(p.cmdline())]
 
 
 def test_processes_write_the_same_bytes_as_one(clips: Path, done: Path, tmp_path: Path) -> None:

@@ -10,8 +10,7 @@ import pytest
 from shared_files import ROOT
 from small_batches import contents, cut_clips, here, job_of, run
 
-from robot_retarget.tools.batch.cluster import run_ray
-from robot_retarget.tools.batch.pool import Report, Stopping
+from robot_retarget.tools.batch.pool import Report, Stopping, run_ray
 from robot_retarget.tools.batch.task import Allowance, Task
 
 ray: Any = pytest.importorskip("ray", reason="needs Ray, the extra cluster")

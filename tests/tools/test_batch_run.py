@@ -148,7 +148,7 @@ def test_a_folder_of_other_results_is_refused_and_left_as_it_is(clips: Path, tmp
 
 
 def test_two_runs_do_not_work_in_one_folder(clips: Path, tmp_path: Path) -> None:
-    from robot_retarget.tools.batch.run import locked_folder
+    from robot_retarget.tools.batch.manifest import locked_folder
 
     with (
         locked_folder(tmp_path / "out"),

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from robot_retarget.base.errors import UsageError
 from robot_retarget.tools.batch.clips import find_clips
-from robot_retarget.tools.batch.duplicates import near_duplicates
+from robot_retarget.tools.batch.filters import near_duplicates
 from robot_retarget.tools.batch.manifest import Manifest
 from robot_retarget.tools.batch.pool import run_local
 from robot_retarget.tools.batch.run import plan_of

@@ -17,7 +17,7 @@ from robot_retarget.servo.outcome import PlaybackOptions
 from robot_retarget.servo.plan import plain_plan
 from robot_retarget.servo.play import play
 from robot_retarget.tools.cli import app, console
-from robot_retarget.tools.cli.ending import filling
+from robot_retarget.tools.cli.run import filling
 
 OP3 = load_robot("op3")
 MAP = ROOT / "models/op3/servos.toml"

@@ -4,28 +4,54 @@ A row is committed after its outputs are on the disk, so a run that is killed at
 are equal from run to run; times and memory are in another table.
 """
 
+import fcntl
 import json
 import os
+import re
 import shutil
 import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from robot_retarget.base.errors import OutputError, UsageError
-from robot_retarget.base.files import replacing, write_text
-from robot_retarget.tools.batch.run import LOCK, locked_folder
+from robot_retarget.base.files import folder, replacing, write_text
 from robot_retarget.tools.batch.task import DONE, Row, TaskResult
 
 NAME, INDEX = "manifest.sqlite", "index.jsonl"
+LOCK = ".lock"
+SCRATCH = re.compile(r"\..+-[a-z0-9_]{8}(\..*)?")
+"""Temporary names of `files.replacing`."""
 COLUMNS = tuple(field.name for field in fields(Row))
 _SCHEMA = f"""
 CREATE TABLE IF NOT EXISTS results ({", ".join(COLUMNS)}, PRIMARY KEY (robot, clip));
 CREATE TABLE IF NOT EXISTS timings (robot, clip, seconds, peak_mb, PRIMARY KEY (robot, clip));
 CREATE TABLE IF NOT EXISTS files (path PRIMARY KEY, size, changed, sha256);
 """
+
+
+@contextmanager
+def locked_folder(out: Path) -> Iterator[Path]:
+    """The folder of results, locked for one run; temporary files of a killed run are removed.
+
+    Raises:
+        OutputError: it cannot be written, holds other things than results, or another run is at work in it.
+    """
+    strange = out.is_dir() and not (out / NAME).exists() and any(path.name != LOCK for path in out.iterdir())
+    if strange:
+        raise OutputError(f"{out} holds files and no {NAME}: it is not a batch folder; give another --out")
+    target = folder(out)
+    with (target / LOCK).open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise OutputError(f"another run is at work in {out}") from error
+        for scratch in target.rglob(".*"):
+            if scratch.is_file() and SCRATCH.fullmatch(scratch.name):
+                scratch.unlink()
+        yield target
 
 
 class Manifest:

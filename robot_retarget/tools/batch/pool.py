@@ -1,5 +1,6 @@
 """The local engine: worker processes of one thread each, within limits of time and memory."""
 
+import ctypes
 import os
 import signal
 import subprocess
@@ -9,11 +10,13 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from multiprocessing import Pipe
-from multiprocessing.connection import wait
+from multiprocessing.connection import Connection, wait
 from pathlib import Path
+from typing import Any
 
 import robot_retarget
-from robot_retarget.tools.batch.task import CRASHED, MEMORY, TIMEOUT, Allowance, Task, TaskResult
+from robot_retarget.base.errors import UsageError, install_line
+from robot_retarget.tools.batch.task import CRASHED, MEMORY, TIMEOUT, Allowance, Task, TaskResult, perform
 
 POLL = 0.1
 """Limits are looked at this often [s]."""
@@ -106,7 +109,7 @@ class _Worker:
         self.pipe, theirs = Pipe()
         places = [str(Path(robot_retarget.__file__).parents[1]), os.environ.get("PYTHONPATH", "")]
         environment = os.environ | dict.fromkeys(THREADS, "1") | {"PYTHONPATH": os.pathsep.join(filter(None, places))}
-        command = [sys.executable, "-m", "robot_retarget.tools.batch.worker", str(theirs.fileno())]
+        command = [sys.executable, "-m", "robot_retarget.tools.batch.pool", str(theirs.fileno())]
         self._process = subprocess.Popen(
             command, pass_fds=[theirs.fileno()], start_new_session=True, env=environment, stdin=subprocess.DEVNULL
         )
@@ -120,3 +123,105 @@ def resident(process: int) -> int:
     except (OSError, IndexError, ValueError):
         return 0
     return pages * os.sysconf("SC_PAGE_SIZE")
+
+
+# A worker process: takes tasks from a pipe and sends their outcomes back, until the pipe closes.
+#
+# Run as `python -m robot_retarget.tools.batch.pool FD` by `pool.py`, in a new session: Ctrl-C reaches only the parent.
+
+_DEATH_SIGNAL = 1
+"""`PR_SET_PDEATHSIG` of prctl(2)."""
+
+
+def serve(pipe: Connection) -> None:
+    """Perform the tasks of a pipe."""
+    with suppress(EOFError, OSError):
+        while True:
+            pipe.send(perform(pipe.recv()))
+
+
+def end_with_parent() -> None:
+    """Ask the kernel to kill this process when the parent dies; elsewhere than on Linux the closed pipe ends it."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_DEATH_SIGNAL, signal.SIGKILL)
+
+
+if __name__ == "__main__":
+    end_with_parent()
+    serve(Connection(int(sys.argv[1])))
+
+
+# The engine `ray`: the same task function on the nodes of a Ray cluster.
+
+
+def run_ray(
+    tasks: Sequence[Task], allowance: Allowance, report: Report, stopping: Stopping, address: str | None
+) -> None:
+    """Perform tasks on a cluster; the folder of results must be one that all nodes share.
+
+    A task on a node that is lost is tried again elsewhere. A task that takes too long is cancelled; memory is bounded by
+    Ray's own limit.
+
+    Args:
+        address: of the cluster; None starts Ray on this machine.
+
+    Raises:
+        UsageError: Ray is not installed.
+    """
+    ray = _ray()
+    began = not ray.is_initialized()
+    if began:
+        environment = {"env_vars": dict.fromkeys(THREADS, "1")}
+        ray.init(address=address, runtime_env=environment, include_dashboard=False, log_to_driver=False)
+    remote = ray.remote(num_cpus=1, max_retries=allowance.attempts - 1, memory=None)(perform)
+    try:
+        _drive(ray, remote, deque(tasks), allowance, report, stopping)
+    finally:
+        if began:
+            ray.shutdown()
+
+
+def _drive(
+    ray: Any, remote: Any, waiting: deque[Task], allowance: Allowance, report: Report, stopping: Stopping
+) -> None:
+    """Hand a task to every processor until none is left; tasks in flight are finished when it is to stop."""
+    flying: dict[Any, tuple[Task, float]] = {}
+    while (not (stopped := stopping()) and waiting) or flying:
+        processors = max(1, int(ray.cluster_resources().get("CPU", 1)))
+        while waiting and len(flying) < processors and not stopped:
+            task = waiting.popleft()
+            flying[remote.remote(task)] = task, time.monotonic()
+        ready, _ = ray.wait([*flying], timeout=POLL, fetch_local=True)
+        for reference in ready:
+            report(_outcome(ray, reference, flying.pop(reference)[0]))
+        for reference, (task, began) in [*flying.items()]:
+            if time.monotonic() - began > allowance.seconds:
+                ray.cancel(reference, force=True)
+                del flying[reference]
+                report(_marked(task, TIMEOUT, f"took longer than {allowance.seconds:g} s"))
+
+
+def _outcome(ray: Any, reference: Any, task: Task) -> TaskResult:
+    """The outcome of a task, or the mark of what ended it."""
+    try:
+        return ray.get(reference)
+    except ray.exceptions.OutOfMemoryError as error:
+        return _marked(task, MEMORY, _first_line(error))
+    except ray.exceptions.RayError as error:
+        return _marked(task, CRASHED, _first_line(error))
+
+
+def _marked(task: Task, state: str, message: str) -> TaskResult:
+    return TaskResult(task.robot_name, task.clip, task.digest, state, message)
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).strip().partition("\n")[0]
+
+
+def _ray() -> Any:
+    try:
+        import ray
+    except ImportError as error:
+        raise UsageError(f"--engine ray needs Ray: {install_line('cluster')}") from error
+    return ray

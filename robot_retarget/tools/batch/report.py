@@ -1,15 +1,125 @@
 """Everything that a run writes at its end: summary, lists of filters, near-duplicates, pictures of extremes."""
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from robot_retarget.base.errors import RobotRetargetError
-from robot_retarget.base.files import folder, write_csv, write_text
-from robot_retarget.tools.batch.duplicates import near_duplicates
-from robot_retarget.tools.batch.filters import Chosen, Filter, choose
-from robot_retarget.tools.batch.page import ClipCard, extremes_of, save_page
-from robot_retarget.tools.batch.summary import save_csv, save_parquet
-from robot_retarget.tools.batch.task import Job, Row, robot_of
+import numpy as np
+
+from robot_retarget.base.errors import RobotRetargetError, UsageError
+from robot_retarget.base.files import folder, replacing, write_csv, write_text
+from robot_retarget.base.pages import rendered
+from robot_retarget.base.untrusted.arrays import save_npz
+from robot_retarget.base.untrusted.pickles import dump_pickle, load_pickle
+from robot_retarget.formats import FORMATS, FormatOptions
+from robot_retarget.formats.robot_motion import RobotMotion, robot_motion
+from robot_retarget.scores.table import FIGURES
+from robot_retarget.tools.batch.filters import Chosen, Filter, choose, near_duplicates
+from robot_retarget.tools.batch.task import DONE, Job, Row, robot_of
+from robot_retarget.trajectory import load_trajectory
+
+# `summary.html`: a table to sort and search, histograms, and the best and the worst clips. No script from elsewhere: it opens offline.
+
+TEMPLATE = Path(__file__).with_name("summary.html")
+SHOWN = (
+    "physics_score", "limb_deg_mean", "near_err", "contact_recall", "skate_cm_s", "self_pen_max_cm", "ground_pen_max_cm",
+    "float_med_cm", "speed_p99", "jerk_rms", "root_residual", "zmp_out_pct", "torque_over_pct", "flight_pct",
+)  # fmt: skip
+"""Figures of the page; `summary.csv` has all."""
+BINS, WIDTH, HEIGHT = 24, 220, 70
+"""Of a histogram: bars, and its size [pixels]."""
+
+
+@dataclass(frozen=True)
+class ClipCard:
+    """A clip with its pictures, named relative to the page."""
+
+    row: Row
+    strip: str | None
+    viewer: str | None
+
+
+def save_page(
+    rows: Sequence[Row], chosen: Sequence[Chosen], extremes: Sequence[ClipCard], duplicates: int, path: Path
+) -> Path:
+    """Write the page, whole or not at all."""
+    states = Counter(row.state for row in rows)
+    frames = sum(row.frames for row in rows)
+    page = rendered(
+        TEMPLATE,
+        headline=f"{len(rows)} clips × robots: " + ", ".join(f"{n} {state}" for state, n in sorted(states.items())),
+        frames=f"{frames:,} frames; {duplicates} pairs of near-duplicates",
+        filters=[_filter(one) for one in chosen],
+        width=WIDTH,
+        height=HEIGHT,
+        histograms=[found for name in SHOWN if (found := _histogram(rows, name))],
+        extremes=extremes,
+        columns=["robot", "clip", "state", "frames", *SHOWN, "message"],
+        rows=[[r.robot, r.clip, r.state, r.frames, *(r.figures.get(n) for n in SHOWN), r.message] for r in rows],
+        units={name: FIGURES[name].unit for name in SHOWN},
+    )
+    return write_text(path, page)
+
+
+def _filter(one: Chosen) -> tuple[str, str, str]:
+    """Return a filter's name, how many clips pass it, and the commonest first reasons of the others."""
+    total = len(one.passed) + len(one.rejected)
+    first = Counter(reasons[0].split(" ")[0] for _, reasons in one.rejected).most_common(3)
+    return one.filter.name, f"{len(one.passed)} of {total}", ", ".join(f"{name} {count}" for name, count in first)
+
+
+def _histogram(rows: Sequence[Row], name: str) -> dict[str, object] | None:
+    """Return a figure's histogram, its bars as shares of the tallest; None where it does not apply."""
+    values = np.array([v for row in rows if (v := row.figures.get(name)) is not None], dtype=float)
+    if not values.size:
+        return None
+    low, high = (float(end) for end in np.percentile(values, [1, 99]))
+    counts, _ = np.histogram(values.clip(low, high), BINS, (low, high if high > low else low + 1))
+    range_ = f"{low:.3g} … {high:.3g}, median {np.median(values):.3g}"
+    figure = FIGURES[name]
+    return {"name": name, "what": figure.what, "unit": figure.unit, "shares": counts / counts.max(), "range": range_}
+
+
+def extremes_of(rows: Sequence[Row], count: int) -> list[Row]:
+    """The worst and the best rows by their physics score, `count` of each."""
+    scored = [row for row in rows if row.state == DONE and row.figures.get("physics_score") is not None]
+    ordered = sorted(scored, key=lambda row: (row.figures["physics_score"], row.key))
+    return ordered if len(ordered) <= 2 * count else [*ordered[:count], *ordered[-count:]]
+
+
+# The results as tables: `summary.csv`, and `summary.parquet` if pyarrow is installed.
+
+FACTS = ("robot", "clip", "state", "message", "frames", "fps", "licence", "source", "path", "output_sha256")
+
+
+def save_csv(rows: Iterable[Row], path: Path) -> Path:
+    """A line for each clip on each robot: facts, then figures, in the order of the table."""
+    lines = ([*(getattr(r, fact) for fact in FACTS), *(_cell(r, name) for name in FIGURES)] for r in rows)
+    return write_csv(path, (*FACTS, *FIGURES), lines)
+
+
+def save_parquet(rows: Sequence[Row], path: Path) -> Path | None:
+    """The same table as Parquet; None if pyarrow is not installed."""
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError:
+        return None
+    columns: dict[str, Any] = {fact: [getattr(row, fact) for row in rows] for fact in FACTS}
+    for name in FIGURES:
+        values = [row.figures.get(name) for row in rows]
+        columns[name] = pyarrow.array([None if v is None else float(v) for v in values], pyarrow.float64())
+    with replacing(path) as scratch:
+        pyarrow.parquet.write_table(pyarrow.table(columns), scratch)
+    return path
+
+
+def _cell(row: Row, figure: str) -> Any:
+    value = row.figures.get(figure)
+    return "" if value is None else value
+
 
 LISTS, PICTURES = "lists", "extremes"
 
@@ -60,3 +170,80 @@ def _pictured(row: Row, job: Job) -> ClipCard:
         picture.save(target / f"{stem}.png")
     drawn = f"{PICTURES}/{stem}.png" if isinstance(picture, Picture) else None
     return ClipCard(row, drawn, f"{PICTURES}/{stem}.html")
+
+
+# All clips of a robot in one file, as trainers load them.
+
+FOLDER = "packed"
+
+
+def pack_all(rows: Sequence[Row], job: Job, format: str) -> str:
+    """Write one file of a packed format for each robot; returns their paths.
+
+    Raises:
+        UsageError: the robot does not suit the format, or its clips differ in their frame rate.
+    """
+    written = list[Path]()
+    for name in job.robots:
+        robot = robot_of(name, job.settings.limits)
+        done = [row for row in rows if row.robot == robot.name and row.state == DONE]
+        if not done:
+            continue
+        motions = []
+        for row in done:
+            trajectory = load_trajectory(job.out / row.robot / f"{row.clip}.npz")
+            kind = FORMATS[format]
+            motions.append(
+                (row.clip, robot_motion(trajectory, robot, FormatOptions(), kind.fps, kind.ordered, kind.name))
+            )
+        target = folder(job.out / FOLDER) / f"{robot.name}-{format}{FORMATS[format].suffix}"
+        with replacing(target) as scratch:
+            PACKED[format](motions, scratch)
+        written.append(target)
+    return ", ".join(map(str, written)) or "nothing: no clip is done"
+
+
+Motions = Sequence[tuple[str, RobotMotion]]
+
+
+def _locomujoco(motions: Motions, path: Path) -> None:
+    """LocoMuJoCo's Trajectory of several clips: tracks one after the other, `split_points` where each begins."""
+    rates = {motion.fps for _, motion in motions}
+    if len(rates) > 1:
+        raise UsageError(
+            f"one frame rate a file: the clips have {', '.join(f'{rate:g}' for rate in sorted(rates))}; use --fps"
+        )
+    parts = [_arrays(motion, path) for _, motion in motions]
+    lengths = [len(motion) for _, motion in motions]
+    every: dict[str, Any] = dict(parts[0])
+    for key in TRACKS:
+        every[key] = np.concatenate([part[key] for part in parts])
+    every["split_points"] = np.concatenate([[0], np.cumsum(lengths)])
+    save_npz(path, **every)
+
+
+TRACKS = ("qpos", "qvel", "xpos", "xquat", "cvel", "subtree_com", "site_xpos", "site_xmat")
+
+
+def _arrays(motion: RobotMotion, path: Path) -> dict[str, Any]:
+    """The arrays of one clip, as its format writes them."""
+    single = path.with_name(f"{path.name}.one.npz")
+    try:
+        FORMATS["locomujoco"].write(motion, single)
+        with np.load(single, allow_pickle=False) as archive:
+            return {key: archive[key] for key in archive.files}
+    finally:
+        single.unlink(missing_ok=True)
+
+
+def _phc(motions: Motions, path: Path) -> None:
+    """PHC's dictionary of clips by name, which SONIC and ASAP load too."""
+    clips: dict[str, Any] = {}
+    for name, motion in motions:
+        FORMATS["phc"].write(motion, path)
+        clips[name] = next(iter(load_pickle(path).values()))
+    path.write_bytes(dump_pickle(clips))
+
+
+PACKED: dict[str, Callable[[Motions, Path], None]] = {"locomujoco": _locomujoco, "phc": _phc}
+"""By format; a new packed form is a function and a line here."""

@@ -1,19 +1,15 @@
 """A run of `batch`: find clips, skip finished ones, perform the others, write the index."""
 
-import fcntl
-import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 
-from robot_retarget.base.errors import OutputError, UsageError
-from robot_retarget.base.files import folder
+from robot_retarget.base.errors import OutputError, RobotRetargetError, UsageError
 from robot_retarget.robot.model import robot_sha256
 from robot_retarget.tools.batch.clips import MotionFile, find_clips
-from robot_retarget.tools.batch.manifest import COLUMNS, NAME, Manifest
+from robot_retarget.tools.batch.manifest import COLUMNS, Manifest
 from robot_retarget.tools.batch.pool import Report, Stopping
 from robot_retarget.tools.batch.task import (
     DONE,
@@ -31,9 +27,6 @@ from robot_retarget.tools.batch.task import (
 
 Engine = Callable[[Sequence[Task], Allowance, Report, Stopping], None]
 """Performs tasks and reports each outcome: `pool.run_local`, `cluster.run_ray`."""
-LOCK = ".lock"
-SCRATCH = re.compile(r"\..+-[a-z0-9_]{8}(\..*)?")
-"""Temporary names of `files.replacing`."""
 
 
 @dataclass(frozen=True)
@@ -78,28 +71,6 @@ class RunSummary:
     failures: tuple[Row, ...]
     stopped: bool
     """Whether it was stopped before its end."""
-
-
-@contextmanager
-def locked_folder(out: Path) -> Iterator[Path]:
-    """The folder of results, locked for one run; temporary files of a killed run are removed.
-
-    Raises:
-        OutputError: it cannot be written, holds other things than results, or another run is at work in it.
-    """
-    strange = out.is_dir() and not (out / NAME).exists() and any(path.name != LOCK for path in out.iterdir())
-    if strange:
-        raise OutputError(f"{out} holds files and no {NAME}: it is not a batch folder; give another --out")
-    target = folder(out)
-    with (target / LOCK).open("w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise OutputError(f"another run is at work in {out}") from error
-        for scratch in target.rglob(".*"):
-            if scratch.is_file() and SCRATCH.fullmatch(scratch.name):
-                scratch.unlink()
-        yield target
 
 
 def plan_of(job: Job, manifest: Manifest) -> RunPlan:
@@ -203,3 +174,64 @@ def _is_kept(row: Row, clip: MotionFile, task: Task, retry: tuple[str, ...], man
 def _row(outcome: TaskResult, clip: MotionFile) -> Row:
     common = {name: getattr(outcome, name) for name in COLUMNS}
     return replace(Row(**common), path=str(clip.path), licence=clip.licence, source=clip.source)
+
+
+# How long a run will take, before it begins.
+
+SAMPLED = 12
+"""Clips that are read to learn how many seconds of motion a byte holds."""
+PACE = 2.0
+"""Seconds of motion that a core retargets and scores in a second, where no clip of the folder is timed yet: G1 at 30 frames/s."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Of the tasks that are left."""
+
+    tasks: int
+    kept: int
+    motion_seconds: float
+    """Of all tasks together, each robot counted."""
+    core_seconds: float
+    measured: bool
+    """Whether the pace is that of this folder's earlier clips."""
+
+    def hours(self, jobs: int) -> float:
+        """Duration on `jobs` processes [h]."""
+        return self.core_seconds / jobs / 3600
+
+
+def estimate(plan: RunPlan, manifest: Manifest) -> Estimate:
+    """Estimate a plan from a sample of its clips and from the times in the manifest."""
+    paths = sorted({task.path for task in plan.tasks})
+    chosen = (
+        [Path(paths[k * len(paths) // SAMPLED]) for k in range(SAMPLED)]
+        if len(paths) > SAMPLED
+        else [*map(Path, paths)]
+    )
+    lengths = [(path.stat().st_size, length) for path in chosen if (length := _length(path)) is not None]
+    size = sum(bytes_ for bytes_, _ in lengths)
+    per_byte = sum(length for _, length in lengths) / size if size else 0.0
+    motion = sum(Path(task.path).stat().st_size for task in plan.tasks) * per_byte
+    pace = _pace(manifest)
+    return Estimate(len(plan.tasks), plan.kept, motion, motion / (pace or PACE), pace is not None)
+
+
+def _length(path: Path) -> float | None:
+    """Seconds of motion in a file; None where it cannot be read."""
+    from robot_retarget.human.read import read_motion
+
+    try:
+        return read_motion(path, repair=False).duration
+    except RobotRetargetError:
+        return None
+
+
+def _pace(manifest: Manifest) -> float | None:
+    """Seconds of motion a core does in a second, over the clips that are done."""
+    times = manifest.timings()
+    done: Sequence[tuple[float, float]] = [
+        (row.frames / row.fps, times[row.key][0]) for row in manifest.rows() if row.frames and row.key in times
+    ]
+    spent = sum(seconds for _, seconds in done)
+    return sum(motion for motion, _ in done) / spent if spent else None

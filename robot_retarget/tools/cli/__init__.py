@@ -13,20 +13,12 @@ import typer
 
 from robot_retarget import __version__
 from robot_retarget.tools.cli import console
-from robot_retarget.tools.cli.ending import Interruptible, ending
+from robot_retarget.tools.cli.command import app, ending
 
-GROUPS = "info graph solve run view mend sequence simulate warn score batch formats play stream servos doctor"
+GROUPS = "info solve run view edit judge batch formats play stream servos"
 
-app: typer.Typer = typer.Typer(
-    cls=Interruptible,
-    context_settings={"help_option_names": ["-h", "--help"]},
-    invoke_without_command=True,
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    help="Carry human motion over to humanoid robots: read, retarget, simulate, export.",
-)
 for group in GROUPS.split():
-    app.add_typer(import_module(f"{__name__}.{group}").commands)
+    import_module(f"{__name__}.{group}")
 
 
 def _say_version(wanted: bool) -> None:

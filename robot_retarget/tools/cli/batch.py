@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from robot_retarget.tools.batch.run import Engine, RunPlan, RunSummary
     from robot_retarget.tools.batch.task import Job, Settings, Shard
 
-commands: typer.Typer = typer.Typer()
 MERGE = "merge"
 RETRIES = ("failed", "timeout", "memory", "crashed")
 
@@ -87,7 +86,6 @@ class BatchOptions(FollowOptions, FreezeOptions, LimitOptions, RateOptions, MapO
 
 
 @command(
-    commands,
     epilog="Example: robot-retarget batch mocap --robot op3 --out set; robot-retarget batch merge set_1 set_2 --out set",
 )
 def batch(how: BatchOptions, printing: PrintOptions) -> None:
@@ -112,11 +110,10 @@ def batch(how: BatchOptions, printing: PrintOptions) -> None:
 def _run(job: "Job", how: BatchOptions, filters: "list[Filter]") -> "tuple[RunSummary, list[Chosen]]":
     """Perform a job with a bar, stopped gently by the first Ctrl-C and at once by the second."""
     from robot_retarget.servo.interrupts import Interrupts
-    from robot_retarget.tools.batch.manifest import Manifest
-    from robot_retarget.tools.batch.pack import pack_all
-    from robot_retarget.tools.batch.report import write_reports
-    from robot_retarget.tools.batch.run import locked_folder, perform_all, plan_of
-    from robot_retarget.tools.cli.bars import tally
+    from robot_retarget.tools.batch.manifest import Manifest, locked_folder
+    from robot_retarget.tools.batch.report import pack_all, write_reports
+    from robot_retarget.tools.batch.run import perform_all, plan_of
+    from robot_retarget.tools.cli.console import tally
 
     interrupts = Interrupts()
     with locked_folder(job.out) as out, Manifest(out) as manifest:
@@ -146,8 +143,7 @@ def _run(job: "Job", how: BatchOptions, filters: "list[Filter]") -> "tuple[RunSu
 
 
 def _engine(name: str, jobs: int, address: str | None) -> "Engine":
-    from robot_retarget.tools.batch.cluster import run_ray
-    from robot_retarget.tools.batch.pool import run_local
+    from robot_retarget.tools.batch.pool import run_local, run_ray
 
     return partial(run_ray, address=address) if name == "ray" else partial(run_local, jobs=jobs)
 
@@ -177,9 +173,8 @@ def _estimate(job: "Job", jobs: int, printing: PrintOptions) -> None:
     """Print the number of tasks and their estimated duration. Only the manifest of an existing folder is touched."""
     import tempfile
 
-    from robot_retarget.tools.batch.estimate import estimate
     from robot_retarget.tools.batch.manifest import NAME, Manifest
-    from robot_retarget.tools.batch.run import plan_of
+    from robot_retarget.tools.batch.run import estimate, plan_of
 
     with tempfile.TemporaryDirectory() as scratch:
         place = job.out if (job.out / NAME).is_file() else Path(scratch)
@@ -202,7 +197,7 @@ def _merge(parts: list[Path], out: Path, printing: PrintOptions) -> None:
 
 def _require(how: BatchOptions) -> None:
     from robot_retarget.formats import FORMATS
-    from robot_retarget.tools.batch.pack import PACKED
+    from robot_retarget.tools.batch.report import PACKED
 
     lists = (("--format", how.format, FORMATS), ("--pack", how.pack, PACKED), ("--retry", how.retry, RETRIES))
     for name, given, names in lists:

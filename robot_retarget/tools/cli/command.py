@@ -1,12 +1,22 @@
-"""Commands whose options are the fields of dataclasses."""
+"""The program: commands whose options are the fields of dataclasses, and the ends other than success: a user's mistake, Ctrl-C, a defect."""
 
+import os
+import signal
+import sys
+import traceback
+import warnings
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from functools import wraps
 from inspect import Parameter, Signature, signature
 from typing import Annotated, Any, TypeVar, dataclass_transform, get_type_hints
 
 import typer
+from typer.core import TyperGroup
+
+from robot_retarget.base.errors import RobotRetargetError
+from robot_retarget.tools.cli import console
 
 TYPER = "typer"
 """Where the metadata of a field keep its option."""
@@ -37,9 +47,13 @@ def options(group: Group) -> Group:
 
 
 def command(
-    commands: typer.Typer, name: str | None = None, *, epilog: str
+    name: str | None = None, *, epilog: str, group: typer.Typer | None = None
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Register a function as a command: each parameter that is a group of options gives its fields as options."""
+    """Register a function as a command: each parameter that is a group of options gives its fields as options.
+
+    Args:
+        group: the group of commands that it belongs to; by default the program itself.
+    """
 
     def registered(function: Callable[..., None]) -> Callable[..., None]:
         hints = get_type_hints(function, include_extras=True)
@@ -53,7 +67,7 @@ def command(
         parameters = signature(function).parameters.values()
         run.__signature__ = Signature([one for each in parameters for one in _expanded(each, hints)])  # pyright: ignore[reportAttributeAccessIssue]
         run.__annotations__ = {}
-        commands.command(name, epilog=epilog)(run)
+        (group or app).command(name, epilog=epilog)(run)
         return function
 
     return registered
@@ -70,3 +84,115 @@ def _expanded(parameter: Parameter, hints: dict[str, Any]) -> Iterator[Parameter
         default = Parameter.empty if each.default is MISSING else each.default
         annotation = Annotated[types[each.name], each.metadata[TYPER]]
         yield Parameter(each.name, Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+
+
+MISTAKE = 2
+"""Exit code of bad input."""
+DEFECT = 70
+"""Exit code of an unexpected exception: `EX_SOFTWARE` of sysexits.h."""
+INTERRUPTED = 130
+"""Exit code after Ctrl-C: 128 and the number of SIGINT, as shells have it."""
+NOBODY_READS = 141
+"""Exit code where the reader of a pipe is gone: 128 and the number of SIGPIPE."""
+POSIX = ("fcntl", "resource", "termios", "tty")
+"""Modules of Python that other systems lack."""
+DEBUG = "ROBOT_RETARGET_DEBUG"
+"""Environment variable that shows the traceback of a defect."""
+NOTHING = "no file was written"
+
+
+class Interruptible(TyperGroup):
+    """Commands that end on Ctrl-C with a message about the files that are kept, from the exception."""
+
+    def make_context(self, *words: Any, **options: Any) -> Any:
+        with _stopped():
+            return super().make_context(*words, **options)
+
+    def invoke(self, ctx: Any) -> Any:
+        with _stopped():
+            return super().invoke(ctx)
+
+
+@contextmanager
+def _stopped() -> Iterator[None]:
+    """Turn Ctrl-C and a reader that is gone into their exit codes; until here Ctrl-C ends the process."""
+    try:
+        if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
+            signal.signal(signal.SIGINT, _CtrlC())
+        yield
+    except (KeyboardInterrupt, ImportError) as stopped:
+        if isinstance(stopped, ImportError) and not getattr(signal.getsignal(signal.SIGINT), "pressed", False):
+            raise
+        exec("")  # Python keeps a Ctrl-C inside `exec` as unhandled until the next `exec`, and exits because of it
+        kept = str(stopped) if isinstance(stopped, KeyboardInterrupt) else ""
+        console.err.print(f"stopped: {kept or NOTHING}", markup=False, style="yellow")
+        raise typer.Exit(INTERRUPTED) from stopped
+    except BrokenPipeError as closed:
+        _discard_output()
+        raise typer.Exit(NOBODY_READS) from closed
+
+
+class _CtrlC:
+    """The handler of Ctrl-C; it notes it, because a library that is stopped while it loads raises ImportError."""
+
+    pressed = False
+
+    def __call__(self, *_: object) -> None:
+        self.pressed = True
+        raise KeyboardInterrupt
+
+
+def _discard_output() -> None:
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def ending(program: Callable[[], None]) -> None:
+    """Run a program; mistakes and defects end in a message and an exit code, warnings in a note."""
+    warnings.showwarning = lambda message, *_: console.note(str(message))
+    try:
+        _ended(program)
+    finally:
+        try:
+            sys.stdout.flush()
+        except BrokenPipeError:
+            _discard_output()
+            sys.exit(NOBODY_READS)
+
+
+def _ended(program: Callable[[], None]) -> None:
+    try:
+        program()
+    except RobotRetargetError as error:
+        _say(str(error))
+        sys.exit(MISTAKE)
+    except Exception as error:
+        if isinstance(error, ModuleNotFoundError) and error.name in POSIX:
+            _say(f"this command needs Linux: Python has no module {error.name!r} on this system")
+            sys.exit(MISTAKE)
+        if os.environ.get(DEBUG):
+            traceback.print_exc()
+        _say(
+            f"a defect of robot-retarget ended this command ({_named(error)}). "
+            f"Please report it with the command and its output under {DEBUG}=1."
+        )
+        sys.exit(DEFECT)
+
+
+def _named(error: Exception) -> str:
+    """An exception's type and the first line of its text."""
+    text = str(error).strip().partition("\n")[0]
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
+def _say(text: str) -> None:
+    console.err.print(f"error: {console.in_options(text)}", markup=False, style="red")
+
+
+app: typer.Typer = typer.Typer(
+    cls=Interruptible,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    invoke_without_command=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    help="Carry human motion over to humanoid robots: read, retarget, simulate, export.",
+)

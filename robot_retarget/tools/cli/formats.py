@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from robot_retarget.formats import FormatOptions
     from robot_retarget.trajectory import Trajectory
 
-commands: typer.Typer = typer.Typer()
-
 
 def _list(wanted: bool) -> None:
     if not wanted:
@@ -88,7 +86,7 @@ class FileOutputOptions:
     output: Path = option("The file or folder to write.", *OUT)
 
 
-@command(commands, epilog="Example: robot-retarget export dance.npz --robot op3 --format csv -o dance.csv")
+@command(epilog="Example: robot-retarget export dance.npz --robot op3 --format csv -o dance.csv")
 def export(
     source: TrajectoryOptions,
     robot: RobotOptions,
@@ -111,7 +109,6 @@ def export(
 
 
 @command(
-    commands,
     "import",
     epilog="Example: robot-retarget import dance.pkl --robot unitree_g1.xml --format gmr -o dance.npz",
 )
@@ -144,7 +141,6 @@ class ConvertOptions(ImportOptions):
 
 
 @command(
-    commands,
     epilog="Example: robot-retarget convert dance.csv --from unitree --to mjlab --robot unitree_g1.xml -o dance.npz",
 )
 def convert(

@@ -1,16 +1,24 @@
-"""`info`: describe a motion or a robot."""
+"""`info`: describe a motion or a robot. `doctor`: examine the machine, with a cure for each missing part."""
 
+import importlib
+import os
+import platform
+import re
+import shutil
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, requires, version
+from importlib.util import find_spec
 from pathlib import Path
 
 import typer
 
-from robot_retarget.base.errors import UsageError
+from robot_retarget.base.errors import DISTRIBUTION, RobotRetargetError, UsageError, install_line
 from robot_retarget.tools.cli import console
 from robot_retarget.tools.cli.command import argument, command, option, options
 from robot_retarget.tools.cli.options import DEFAULT_ROBOT, LimitOptions, PrintOptions, ReadOptions, load
-from robot_retarget.tools.cli.stages import is_robot_name
-
-commands: typer.Typer = typer.Typer()
+from robot_retarget.tools.cli.run import is_robot_name
 
 
 @options
@@ -24,7 +32,7 @@ class InfoOptions:
     )
 
 
-@command(commands, epilog="Example: robot-retarget info dance.bvh")
+@command(epilog="Example: robot-retarget info dance.bvh")
 def info(subject: InfoOptions, reading: ReadOptions, limits: LimitOptions, printing: PrintOptions) -> None:
     """Describe a motion or a robot, its recognised keypoints, and the bodies of a scene with the parts that touch them."""
     from robot_retarget.scene import read_scene
@@ -45,3 +53,174 @@ def info(subject: InfoOptions, reading: ReadOptions, limits: LimitOptions, print
     printing.show(facts, console.show_robot if facts["kind"] == "robot" else console.show_motion)
     if not facts.get("human", facts.get("humanoid", True)):
         raise typer.Exit(2)
+
+
+@command(epilog="Example: robot-retarget doctor --json")
+def doctor(printing: PrintOptions) -> None:
+    """Examine Python, MuJoCo, rendering, compiler, ffmpeg, extras and serial ports. Exit code 1 if a needed part is missing."""
+    from dataclasses import asdict
+
+    findings = examine()
+    printing.show([asdict(finding) for finding in findings], lambda _: _show(findings))
+    raise typer.Exit(1 if any(finding.state == "missing" for finding in findings) else 0)
+
+
+def _show(findings: "list[ComponentStatus]") -> None:
+    console.table("", ("part", "state", "detail"), [(f.part, f.state, f.detail) for f in findings])
+    for finding in findings:
+        if finding.cure and finding.state != "ok":
+            console.say(f"{finding.part}: {finding.cure}")
+
+
+OLDEST_PYTHON = (3, 11)
+PORTS = ("ttyUSB*", "ttyACM*")
+LATENCY_MS = 1
+"""The latency timer of a USB adapter at which a bus keeps 125 ticks a second [ms]; drivers begin at 16."""
+TIMERS = "sys/bus/usb-serial/devices"
+EXTRAS = ("plots", "video", "view", "descriptions", "c3d", "formats", "live")
+"""Those that a user may want."""
+MODULES = {
+    "imageio-ffmpeg": "imageio_ffmpeg",
+    "pillow": "PIL",
+    "fast-simplification": "fast_simplification",
+    "mcap-ros2-support": "mcap_ros2",
+    "pyyaml": "yaml",
+    "python-osc": "pythonosc",
+}
+"""Distributions whose module has another name."""
+PICTURE = 64
+"""Width and height of the picture that rendering is tried with [pixels]."""
+
+
+@dataclass(frozen=True)
+class ComponentStatus:
+    """One part of the machine."""
+
+    part: str
+    state: str
+    """`ok`, `optional` (missing, and not needed by every command) or `missing`."""
+    detail: str
+    cure: str = ""
+    """The command that repairs it; empty for a part that works."""
+
+
+def examine(root: Path = Path("/")) -> list[ComponentStatus]:
+    """Examine the machine.
+
+    Args:
+        root: The folder that holds `dev` and `sys`.
+    """
+    parts: tuple[Callable[[], ComponentStatus], ...] = (_python, _mujoco, _rendering, _compiler, _ffmpeg)
+    return [*(part() for part in parts), *extras(), *ports(root)]
+
+
+def _python() -> ComponentStatus:
+    found = platform.python_version()
+    if sys.version_info[:2] < OLDEST_PYTHON:
+        wanted = ".".join(map(str, OLDEST_PYTHON))
+        return ComponentStatus(
+            "Python", "missing", f"{found} is older than {wanted}", f"install Python {wanted} or later"
+        )
+    return ComponentStatus("Python", "ok", f"{found} at {sys.executable}")
+
+
+def _mujoco() -> ComponentStatus:
+    from robot_retarget.base.mujoco_setup import OLDEST, check
+
+    cure = f"pip install 'mujoco>={'.'.join(map(str, OLDEST))}'"
+    try:
+        found = version("mujoco")
+        check(found)
+        importlib.import_module("mujoco")
+    except PackageNotFoundError:
+        return ComponentStatus("MuJoCo", "missing", "not installed", cure)
+    except (RobotRetargetError, ImportError, RuntimeError) as error:
+        return ComponentStatus("MuJoCo", "missing", str(error), cure)
+    return ComponentStatus("MuJoCo", "ok", found)
+
+
+def _rendering() -> ComponentStatus:
+    from robot_retarget.tools.view.picture import Unavailable
+    from robot_retarget.tools.view.render import open_context
+
+    context = open_context(PICTURE, PICTURE)
+    if isinstance(context, Unavailable):
+        cure = "sudo apt install libegl1 libosmesa6; unset MUJOCO_GL"
+        return ComponentStatus("OpenGL", "optional", f"{context.reason}; pictures are drawn as stick figures", cure)
+    context.free()
+    return ComponentStatus("OpenGL", "ok", f"pictures are rendered by {type(context).__module__}")
+
+
+def _compiler() -> ComponentStatus:
+    found = shutil.which(os.environ.get("CC", "cc"))
+    if found is None:
+        detail = "neither $CC nor cc is on the path; everything runs, and solving takes about a quarter longer"
+        return ComponentStatus("C compiler", "optional", detail, "sudo apt install gcc libc6-dev")
+    return ComponentStatus("C compiler", "ok", found)
+
+
+def _ffmpeg() -> ComponentStatus:
+    try:
+        from imageio_ffmpeg import get_ffmpeg_exe
+
+        return ComponentStatus("ffmpeg", "ok", get_ffmpeg_exe())
+    except (ImportError, RuntimeError) as error:
+        return ComponentStatus("ffmpeg", "optional", f"{error}; films cannot be made", install_line("video"))
+
+
+def extras() -> Iterator[ComponentStatus]:
+    """Whether each extra is installed, by the modules of its distributions."""
+    wanted: dict[str, list[str]] = {extra: [] for extra in EXTRAS}
+    try:
+        names = requires(DISTRIBUTION) or []
+    except PackageNotFoundError:
+        yield ComponentStatus(
+            "extras", "optional", f"unknown: {DISTRIBUTION} runs without being installed", "pip install -e ."
+        )
+        return
+    for line in names:
+        name, extra = re.match(r"[\w-]+", line), re.search(r"extra == ['\"](\w+)['\"]", line)
+        if name and extra and extra[1] in wanted:
+            wanted[extra[1]].append(name[0].lower())
+    for extra, distributions in wanted.items():
+        lost = [name for name in distributions if find_spec(MODULES.get(name, name.replace("-", "_"))) is None]
+        if lost:
+            yield ComponentStatus(f"extra {extra}", "optional", f"without {', '.join(lost)}", install_line(extra))
+        else:
+            yield ComponentStatus(f"extra {extra}", "ok", ", ".join(distributions))
+
+
+def ports(root: Path) -> Iterator[ComponentStatus]:
+    """Serial ports: whether the user may open them, and the latency timers of their adapters."""
+    found = [port for pattern in PORTS for port in sorted((root / "dev").glob(pattern))]
+    if not found:
+        yield ComponentStatus("serial port", "optional", "no USB adapter is plugged in; `servos emulate` needs none")
+    for port in found:
+        if os.access(port, os.R_OK | os.W_OK):
+            yield ComponentStatus(f"port {port.name}", "ok", "may be read and written")
+        else:
+            cure = f'sudo usermod -aG {_group(port)} "$USER", then log in again'
+            yield ComponentStatus(f"port {port.name}", "missing", "may not be opened by this user", cure)
+        yield from _latency(root / TIMERS / port.name / "latency_timer", port.name)
+
+
+def _latency(timer: Path, port: str) -> Iterator[ComponentStatus]:
+    try:
+        milliseconds = int(timer.read_text())
+    except (OSError, ValueError):
+        return  # adapters of other makers have none
+    if milliseconds <= LATENCY_MS:
+        yield ComponentStatus(f"latency of {port}", "ok", f"{milliseconds} ms")
+    else:
+        cure = f"echo {LATENCY_MS} | sudo tee {timer}"
+        yield ComponentStatus(
+            f"latency of {port}", "missing", f"{milliseconds} ms allow {500 // milliseconds} ticks/s", cure
+        )
+
+
+def _group(port: Path) -> str:
+    """The group that owns a port."""
+    try:
+        return port.group()
+    except (KeyError, OSError):
+        return "dialout"

@@ -11,9 +11,8 @@ import typer
 from robot_retarget.base.errors import UsageError
 from robot_retarget.tools.cli import console
 from robot_retarget.tools.cli.command import argument, command, option, options
-from robot_retarget.tools.cli.kinds import require_playable
-from robot_retarget.tools.cli.options import BaudOptions, PrintOptions, load
-from robot_retarget.tools.cli.stages import judged_plain
+from robot_retarget.tools.cli.options import BaudOptions, PrintOptions, load, require_playable
+from robot_retarget.tools.cli.run import judged_plain
 
 if TYPE_CHECKING:
     from robot_retarget.actuators.map import ServoMap
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
     from robot_retarget.servo.playlist import Piece
     from robot_retarget.trajectory import Trajectory
 
-commands: typer.Typer = typer.Typer()
 
 OPEN_LOOP = (
     "the goals passed with feedback: simulate --no-feedback judges them without it, and --unsafe sends them unjudged"
@@ -95,7 +93,7 @@ class PlayOptions(BaudOptions):
         return part_of(trajectory, self.speed, self.loop, self.start, self.stop)
 
 
-@command(commands, epilog="Example: robot-retarget play out/trajectory.npz --servos op3 --port /dev/ttyUSB0")
+@command(epilog="Example: robot-retarget play out/trajectory.npz --servos op3 --port /dev/ttyUSB0")
 def play(how: PlayOptions, printing: PrintOptions) -> None:
     """Send the goals of a trajectory that passed to Dynamixel servos. Exit code 1 when it was stopped."""
     from robot_retarget.base.files import require_writable

@@ -1,28 +1,334 @@
 """`run` and `demo`: everything from a motion to a judged trajectory with its report."""
 
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from shutil import rmtree
+from typing import TYPE_CHECKING
 
 import typer
 
+from robot_retarget.base.errors import UsageError
+from robot_retarget.base.files import folder
 from robot_retarget.tools.cli import console
-from robot_retarget.tools.cli.command import command, option, options
+from robot_retarget.tools.cli.command import NOTHING, command, option, options
+from robot_retarget.tools.cli.console import progress
 from robot_retarget.tools.cli.options import (
     OUT,
     ROBOT,
     ClipOptions,
     DefaultRobotOptions,
+    FollowOptions,
     GraphOptions,
+    JudgeOptions,
     PrintOptions,
     ReadOptions,
     ServoOptions,
     load,
+    solved,
 )
-from robot_retarget.tools.cli.stages import FolderOptions, fill_folder, shipped_clip
 
-commands: typer.Typer = typer.Typer()
+# The stages behind the commands: from files to files, with messages on the terminal.
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from robot_retarget.base.progress import Progress
+    from robot_retarget.collision.warn import Warnings
+    from robot_retarget.human.motion import Motion
+    from robot_retarget.judge.report import Report
+    from robot_retarget.robot import Robot
+    from robot_retarget.servo.outcome import PlaybackOutcome
+    from robot_retarget.solver.result import Result
+    from robot_retarget.tools.view.film import AnimatedWebP, Film
+    from robot_retarget.tools.view.picture import Picture, Unavailable
+    from robot_retarget.trajectory import Trajectory
+
+    Shown = Path | AnimatedWebP | Unavailable
+    """A film in a file, a loop, or the reason why there is neither."""
 
 
-@command(commands, epilog="Example: robot-retarget run dance.bvh --robot op3 --out dance")
+@dataclass(frozen=True)
+class Filled:
+    """A folder of results that is being filled."""
+
+    path: Path
+    """Folder of the files until all are complete."""
+    place: Path
+    """Where they go."""
+
+    def written(self) -> list[str]:
+        """The names of the files that were written, sorted."""
+        return sorted(file.name for file in self.path.iterdir())
+
+
+RESULTS = (
+    "trajectory.npz",
+    "report.json",
+    "report.html",
+    "viewer.html",
+    "warnings.csv",
+    "strip.png",
+    "video.mp4",
+    "play.npz",
+    "report.pinned.json",
+)
+"""Files of a folder of results, which belong together: those of an earlier run go when the new ones come."""
+UNFINISHED = ".unfinished-"
+"""Prefix of the folder that holds results until all are complete."""
+
+
+@contextmanager
+def filling(place: Path) -> Iterator[Filled]:
+    """Fill a folder with results that replace earlier ones together, at the end or on Ctrl-C.
+
+    A run that is killed leaves the earlier results whole; the next run deletes the unfinished files.
+
+    Raises:
+        OutputError: The folder cannot be made or written.
+        KeyboardInterrupt: Ctrl-C; its text names the files that were written.
+    """
+    made = [folder_ for folder_ in (place, *place.parents) if not folder_.exists()]
+    folder(place)
+    earlier = [name for name in RESULTS if (place / name).exists()]
+    for left in place.glob(f"{UNFINISHED}*"):
+        rmtree(left)
+    filled = Filled(Path(tempfile.mkdtemp(dir=place, prefix=UNFINISHED)), place)
+    try:
+        yield filled
+        _put(filled)
+        if earlier:
+            console.note(f"replaced the results of an earlier run in {place}: {', '.join(earlier)}")
+    except KeyboardInterrupt as stopped:
+        message = f"kept {', '.join(filled.written())} in {place}" if filled.written() else NOTHING
+        _put(filled)
+        raise KeyboardInterrupt(message) from stopped
+    finally:
+        rmtree(filled.path)
+        for one in made:
+            if not any(one.iterdir()):
+                one.rmdir()
+
+
+def _put(filled: Filled) -> None:
+    """Put the files in the place of earlier results, if there are any."""
+    written = filled.written()
+    for name in RESULTS if written else ():
+        (filled.place / name).unlink(missing_ok=True)
+    for name in written:
+        (filled.path / name).replace(filled.place / name)
+
+
+@options
+class FolderOptions(JudgeOptions, FollowOptions):
+    """How a folder of results is filled."""
+
+    out: Path = option("Folder for the results.", *OUT, default=Path("out"))
+    video: bool = option("Make a film as well: video.mp4.", "--video", default=False)
+
+
+def fill_folder(
+    motion: "Motion",
+    robot: "Robot",
+    goals: GraphOptions,
+    how: FolderOptions,
+    printing: PrintOptions,
+    play: bool = False,
+) -> str:
+    """Solve, simulate (free if balanced, else pinned), draw and write a folder; return the verdict.
+
+    Args:
+        play: play what passes on an emulated bus too, for robots that ship with a servo map.
+    """
+    from robot_retarget.tools.summary import describe_solution
+
+    out = how.out
+    with filling(out) as filled, progress() as begin:
+        result = solved(goals.describe(motion, robot), how, begin(f"retarget to {robot.name}"))
+        target = filled.path
+        report, warnings = _tried(result, target, how, begin("simulate"))
+        outcome = played_on_emulated(robot.name, target) if play and report.verdict == "pass" else None
+        if outcome is not None:
+            report = report.with_playback(outcome.figures)
+            report.save(target / "report.json")
+        pictures = _shown(result, target, how.video, begin)
+        viewer = _write_viewer(result, report, target / "viewer.html")
+        write_page(report, target / "trajectory.npz", warnings, target / "report.html", *pictures, viewer)
+        files = filled.written()
+    found = describe_solution(result.solution, result.notes)
+    if printing.json:
+        console.dump({"solution": found, "report": report.contract(), "folder": str(out), "files": files})
+    else:
+        console.show_solution(found, explain=False)
+        console.show_report(report)
+        if outcome is not None:
+            console.show_playback(outcome.figures)
+            console.say(f"{outcome.sentence}, on the emulated robot")
+        console.say(f"wrote {', '.join(files)} in {out}")
+        console.say(f"next: open {out / 'report.html'} in a browser; it leads to {out / 'viewer.html'}")
+    return report.verdict
+
+
+def _tried(
+    result: "Result", target: Path, how: JudgeOptions, progress: "Progress"
+) -> tuple["Report", "Warnings | None"]:
+    """In simulation: `trajectory.npz` with its goals, `report.json` and, of more than one frame, `warnings.csv`."""
+    from robot_retarget.collision.events import write_csv
+    from robot_retarget.judge.rollout import simulate as roll_out
+
+    warnings = result.warnings if len(result.trajectory) > 1 else None
+    report = roll_out(result, warnings=warnings, draws=how.draws, feedback=how.feedback, progress=progress)
+    save_judged(report, target / "trajectory.npz", target / "report.json")
+    if warnings is not None:
+        write_csv(warnings.events, target / "warnings.csv")
+    return report, warnings
+
+
+def save_judged(report: "Report", trajectory: Path, where: Path) -> None:
+    """Write the trajectory with the goals that were judged, then its report; an error in writing leaves neither."""
+    from robot_retarget.base.files import replacing
+
+    assert report.trajectory is not None
+    with replacing(where) as contract, replacing(trajectory) as judged:
+        judged.write_bytes(report.trajectory.serialised())
+        contract.write_text(report.text(), encoding="utf-8")
+
+
+def judged_plain(
+    trajectory: "Trajectory", robot: "Robot", mode: str, rate: float, feedback: bool | None
+) -> "Trajectory":
+    """A trajectory with goals that are itself, `rate` a second, once they have passed; `feedback` as in `simulate`.
+
+    Raises:
+        ServoError: they did not.
+    """
+    from robot_retarget.base.errors import ServoError
+    from robot_retarget.judge.goals import Playback
+    from robot_retarget.judge.rollout import simulate as roll_out
+
+    report = roll_out(trajectory, robot, mode=mode, compensate=False, playback=Playback(rate=rate), feedback=feedback)
+    if report.verdict != "pass":
+        raise ServoError(f"the trajectory without compensation does not pass: {'; '.join(report.reasons)}")
+    assert report.trajectory is not None
+    return report.trajectory
+
+
+def played_on_emulated(robot: str, folder: Path) -> "PlaybackOutcome | None":
+    """Play the folder's trajectory on an emulated bus with the robot's model behind it; None for a robot without a servo map."""
+    from robot_retarget.actuators.map import load_map
+    from robot_retarget.base.files import MODELS
+    from robot_retarget.servo.emulated import play_emulated
+    from robot_retarget.trajectory import load_trajectory
+
+    if not (MODELS / robot / "servos.toml").is_file():
+        return None
+    trajectory = load_trajectory(folder / "trajectory.npz")
+    return play_emulated(trajectory, load_map(robot), lockstep=True, log=folder / "play.npz")
+
+
+def _shown(
+    result: "Result", target: Path, film: bool, begin: "Callable[[str], Progress]"
+) -> "tuple[Picture | None, Shown]":
+    """Draw the strip, and the film or a loop of few pictures; notes name what cannot be drawn."""
+    from robot_retarget.tools.view.film import Film, loop, strip, video
+    from robot_retarget.tools.view.picture import Picture
+
+    what, path = (result.robot, result.trajectory), target / "video.mp4"
+    figure = result.match.figure(result.motion)
+    filmed = video(*what, path, *figure, progress=begin("film")) if film else None
+    begin("pictures")
+    picture = strip(*what, *figure)
+    if isinstance(picture, Picture):
+        picture.save(target / "strip.png")
+    for sentence in {_note_of(drawn) for drawn in (filmed, picture) if drawn is not None} - {""}:
+        console.note(sentence)
+    shown = path if isinstance(filmed, Film) else loop(*what, *figure)
+    return picture if isinstance(picture, Picture) else None, shown
+
+
+def _note_of(drawn: "Film | Picture | Unavailable") -> str:
+    """Return the note of a film or picture, or the reason for its lack."""
+    from robot_retarget.tools.view.picture import Unavailable
+
+    return drawn.reason if isinstance(drawn, Unavailable) else drawn.note
+
+
+def _write_viewer(result: "Result", report: "Report", page: Path) -> Path:
+    """Write the viewer of the motion."""
+    from robot_retarget.tools.view.web.take import view
+
+    return view(result, report=report).save(page)
+
+
+def write_page(
+    report: "Report",
+    trajectory: "Path | Trajectory",
+    warnings: "Warnings | None",
+    page: Path,
+    strip: "Picture | None" = None,
+    film: "Shown | None" = None,
+    viewer: Path | None = None,
+) -> None:
+    """Write the report's page; what hinders it is said."""
+    from robot_retarget.tools.view.page import save_page
+    from robot_retarget.tools.view.picture import Unavailable
+
+    drawn = save_page(report, trajectory, page, warnings=warnings, strip=strip, film=film, viewer=viewer)
+    if isinstance(drawn, Unavailable):
+        console.note(drawn.reason)
+
+
+def draw_warnings(warnings: "Warnings", path: Path) -> None:
+    """Draw the pairs that were flagged; what cannot be drawn is said."""
+    from robot_retarget.tools.view.charts import plot_warnings
+    from robot_retarget.tools.view.picture import Unavailable
+
+    drawn = plot_warnings(warnings, path)
+    console.note(drawn.reason if isinstance(drawn, Unavailable) else f"drew {drawn}")
+
+
+def require_source(trajectory: "Trajectory", motion: "Motion", force: bool) -> None:
+    """Require that a trajectory comes from a motion, unless forced.
+
+    Raises:
+        UsageError: it comes from another motion.
+    """
+    from robot_retarget.base.errors import TrajectoryError
+
+    try:
+        trajectory.require_source(motion.source, motion.source_sha256)
+    except TrajectoryError as error:
+        if not force:
+            raise UsageError(f"{error}; --force accepts it") from error
+
+
+def is_robot_name(name: str) -> bool:
+    """Return whether a name is that of a model file or a shipped robot, or at least not that of a file or folder."""
+    from robot_retarget.robot import shipped_robots
+    from robot_retarget.robot.catalog import MODEL_FILES
+
+    path = Path(name)
+    return (
+        path.suffix.lower() in MODEL_FILES
+        or name.lower() in shipped_robots()
+        or (not path.suffix and not path.exists())
+    )
+
+
+def shipped_clip(name: str) -> Path:
+    """The file of a sample clip by its name."""
+    from robot_retarget.base.errors import known
+    from robot_retarget.base.files import SAMPLES
+
+    clips = {path.stem: path for path in sorted(SAMPLES.glob("*.bvh"))}
+    if name not in clips:
+        raise UsageError(f"no shipped clip {name!r}; {known(clips, typed=name)}")
+    return clips[name]
+
+
+@command(epilog="Example: robot-retarget run dance.bvh --robot op3 --out dance")
 def run(
     clip: ClipOptions,
     robot: DefaultRobotOptions,
@@ -46,7 +352,7 @@ class DemoOptions(FolderOptions):
     video: bool = option("Make a film as well.", default=True)
 
 
-@command(commands, epilog="Example: robot-retarget demo --out demo")
+@command(epilog="Example: robot-retarget demo --out demo")
 def demo(how: DemoOptions, printing: PrintOptions) -> None:
     """Carry a shipped clip over to the OP3-class robot, simulate it, show it, and play it on emulated servos."""
     motion = ReadOptions().read(shipped_clip(how.clip))

@@ -7,7 +7,7 @@ import typer
 
 from robot_retarget.base.errors import ServoError, UsageError
 from robot_retarget.tools.cli import console
-from robot_retarget.tools.cli.command import command, option, options
+from robot_retarget.tools.cli.command import app, command, option, options
 from robot_retarget.tools.cli.options import OUT, BaudOptions, PrintOptions
 
 if TYPE_CHECKING:
@@ -15,11 +15,10 @@ if TYPE_CHECKING:
     from robot_retarget.servo.emulator.wire_timing import WireTiming
     from robot_retarget.servo.pendulum import Pendulum
 
-commands: typer.Typer = typer.Typer()
 servos: typer.Typer = typer.Typer(
     no_args_is_help=True, rich_markup_mode=None, help="Dynamixel servos, real or emulated."
 )
-commands.add_typer(servos, name="servos")
+app.add_typer(servos, name="servos")
 
 UNITS = {
     "damping": "N m s/rad besides the back-EMF",
@@ -80,7 +79,7 @@ class EmulateOptions(MapNameOptions):
     )
 
 
-@command(servos, epilog="Example: robot-retarget servos emulate --map op3 --physics --link /tmp/ttyDXL")
+@command(group=servos, epilog="Example: robot-retarget servos emulate --map op3 --physics --link /tmp/ttyDXL")
 def emulate(how: EmulateOptions) -> None:
     """Run an emulated bus on a pseudo terminal; prints `ready PATH`, stops on SIGTERM."""
     from robot_retarget.actuators.map import load_map
@@ -97,7 +96,7 @@ def emulate(how: EmulateOptions) -> None:
     emulator(servo_map, how.link, pace, body, how.fault or (), *what).run(how.control)
 
 
-@command(servos, epilog="Example: robot-retarget servos scan --port /dev/ttyUSB0")
+@command(group=servos, epilog="Example: robot-retarget servos scan --port /dev/ttyUSB0")
 def scan(
     printing: PrintOptions,
     port: Annotated[str, typer.Option("--port", "-p", help="Serial port, or that of an emulator.")],
@@ -123,7 +122,7 @@ def scan(
         raise ServoError(f"no servo answers on {port} (power, cable, --baud)")
 
 
-@command(servos, epilog="Example: robot-retarget servos check --map op3 --port /dev/ttyUSB0")
+@command(group=servos, epilog="Example: robot-retarget servos check --map op3 --port /dev/ttyUSB0")
 def check(
     at: BusOptions,
     printing: PrintOptions,
@@ -148,7 +147,7 @@ def check(
     raise typer.Exit(1 if any(f.grave for f in findings) else 0)
 
 
-@command(servos, epilog="Example: robot-retarget servos calibrate --map op3 --port /dev/ttyUSB0 -o my_op3.toml")
+@command(group=servos, epilog="Example: robot-retarget servos calibrate --map op3 --port /dev/ttyUSB0 -o my_op3.toml")
 def calibrate(
     at: BusOptions,
     to: MapOutputOptions,
@@ -182,7 +181,7 @@ class IdentifyOptions(MapOutputOptions, BusOptions):
 
 
 @command(
-    servos,
+    group=servos,
     epilog="Example: robot-retarget servos identify --map bench.toml --joint j1 --mass 0.3 --length 0.1 --port /dev/ttyUSB0 -o new.toml",
 )
 def identify(how: IdentifyOptions, printing: PrintOptions) -> None:
@@ -210,7 +209,9 @@ def identify(how: IdentifyOptions, printing: PrintOptions) -> None:
     printing.result({"output": str(how.output), **facts}, "\n".join(lines))
 
 
-@command(servos, "import", epilog="Example: robot-retarget servos import OP3.robot --offsets offset.yaml -o op3.toml")
+@command(
+    "import", group=servos, epilog="Example: robot-retarget servos import OP3.robot --offsets offset.yaml -o op3.toml"
+)
 def import_map(
     to: MapOutputOptions,
     printing: PrintOptions,

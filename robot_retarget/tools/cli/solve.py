@@ -3,15 +3,16 @@
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from robot_retarget.tools.cli import console
-from robot_retarget.tools.cli.bars import progress
 from robot_retarget.tools.cli.command import argument, command, option, options
+from robot_retarget.tools.cli.console import progress
 from robot_retarget.tools.cli.formats import KnownOptions
 from robot_retarget.tools.cli.options import (
+    ClipOptions,
     DefaultRobotOptions,
     EditedGraphOptions,
     FollowOptions,
@@ -28,8 +29,6 @@ from robot_retarget.tools.cli.options import (
 
 if TYPE_CHECKING:
     from robot_retarget.solver.pipeline import Result
-
-commands: typer.Typer = typer.Typer()
 
 
 @options
@@ -69,7 +68,7 @@ class EffortOptions:
     threads: int = option("Threads that share its frames; the result is the same.", default=1, min=1)
 
 
-@command(commands, epilog="Example: robot-retarget solve dance.bvh --robot op3 -o dance.npz")
+@command(epilog="Example: robot-retarget solve dance.bvh --robot op3 -o dance.npz")
 def solve(
     clip: PerformerOptions,
     to: SolvedOptions,
@@ -104,7 +103,7 @@ class TransferOptions(KnownOptions):
     source_fps: float | None = option("Frames per second of the motion file; overrides the stored rate.", default=None)
 
 
-@command(commands, epilog="Example: robot-retarget transfer dance_g1.npz --from g1 --to op3 -o dance_op3.npz")
+@command(epilog="Example: robot-retarget transfer dance_g1.npz --from g1 --to op3 -o dance_op3.npz")
 def transfer(
     performed: TransferOptions,
     to: SolvedOptions,
@@ -127,3 +126,26 @@ def transfer(
         bar, what = begin("transfer"), (trajectory, performer, follower)
         result = carried(*what, fps=rate.fps, preset=rate.preset, legs=legs, balance=balance, progress=bar)
     to.save(result, printing)
+
+
+# `graph`: the edges of a motion on a robot.
+
+
+@command(epilog="Example: robot-retarget graph dance.bvh --robot op3 --solve")
+def graph(
+    clip: ClipOptions,
+    robot: DefaultRobotOptions,
+    goals: EditedGraphOptions,
+    printing: PrintOptions,
+    solve: Annotated[bool, typer.Option(help="Solve it too: stress per kind, and the edges that lost most.")] = False,
+) -> None:
+    """Show the edges of a motion on a robot: kinds, counts, intervals, priorities, stress."""
+    from robot_retarget.solver.pipeline import solve as solved
+    from robot_retarget.tools.summary import describe_graph, describe_stress
+
+    found = goals.describe(clip.load(), robot.load())
+    facts: dict[str, Any] = describe_graph(found)
+    if solve:
+        with progress() as begin:
+            facts |= describe_stress(solved(found, balance="off", progress=begin("retarget")).solution)
+    printing.show(facts, console.show_graph)

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from robot_retarget.robot import Robot
     from robot_retarget.scene import Scene
 
-commands: typer.Typer = typer.Typer()
 
 SINKS = ("stdout", "view", "mujoco", "servos")
 EMULATED = "emulated"
@@ -85,7 +84,7 @@ class StreamOptions(SceneOptions, FreezeOptions, LimitOptions):
     fps: float | None = option("With --send: frames a second; by default the motion's own.", default=None)
 
 
-@command(commands, epilog="Example: robot-retarget stream --robot op3 --from vmc --to view")
+@command(epilog="Example: robot-retarget stream --robot op3 --from vmc --to view")
 def stream(how: StreamOptions, source: StreamInputOptions, place: StreamOutputOptions, printing: PrintOptions) -> None:
     """Have a robot follow a performer live. Ctrl-C ends it with a summary; exit code 1 when servos were stopped."""
     from robot_retarget.base.files import require_suffix, require_writable

@@ -3,22 +3,18 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-import typer
-
 from robot_retarget.base.errors import UsageError
 from robot_retarget.tools.cli import console
-from robot_retarget.tools.cli.bars import progress
 from robot_retarget.tools.cli.command import argument, command, option, options
+from robot_retarget.tools.cli.console import progress
 from robot_retarget.tools.cli.options import ForceOptions, LimitOptions, MapOptions, PrintOptions, ReadOptions, load
-from robot_retarget.tools.cli.stages import require_source
+from robot_retarget.tools.cli.run import require_source
 
 if TYPE_CHECKING:
     from robot_retarget.human.motion import Motion
     from robot_retarget.tools.view.web.serve import Editor
     from robot_retarget.tools.view.web.serve import Served as Server
     from robot_retarget.tools.view.web.take import Take
-
-commands: typer.Typer = typer.Typer()
 
 
 @options
@@ -62,7 +58,7 @@ class ServeOptions:
     browser: bool = option("Open a browser, if there is a display.", default=True)
 
 
-@command(commands, epilog="Example: robot-retarget view dance.npz --robot op3 --motion dance.bvh")
+@command(epilog="Example: robot-retarget view dance.npz --robot op3 --motion dance.bvh")
 def view(viewed: ViewOptions, drawn: DrawOptions, served: ServeOptions, printing: PrintOptions) -> None:
     """Look at trajectories: robot, human, contacts, balance, near pairs, limits, curves."""
     from functools import partial

@@ -8,26 +8,28 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from robot_retarget.base.errors import UsageError
-from robot_retarget.tools.cli.bars import progress
 from robot_retarget.tools.cli.command import argument, command, option, options
+from robot_retarget.tools.cli.console import progress
 from robot_retarget.tools.cli.options import (
     BalancedOptions,
+    ForceOptions,
+    FreezeOptions,
+    MapOptions,
     OutputOptions,
     PrintOptions,
+    ReadOptions,
     RobotOptions,
     ServoOptions,
     TrajectoryOptions,
 )
+from robot_retarget.tools.cli.run import require_source, save_judged
 from robot_retarget.tools.cli.solve import SolvedOptions
-from robot_retarget.tools.cli.stages import save_judged
 
 if TYPE_CHECKING:
     from robot_retarget.base.errors import BalanceError
     from robot_retarget.judge.report import Report
     from robot_retarget.solver.pipeline import Result
     from robot_retarget.trajectory import Trajectory
-
-commands: typer.Typer = typer.Typer()
 
 
 @options
@@ -69,7 +71,7 @@ class MotionOptions:
     trajectory: Path = argument("A motion of the robot, in any format that import reads.")
 
 
-@command(commands, epilog="Example: robot-retarget join walk.npz wave.npz --robot op3 -o both.npz")
+@command(epilog="Example: robot-retarget join walk.npz wave.npz --robot op3 -o both.npz")
 def join(
     trajectories: Annotated[list[Path], typer.Argument(help="Motions of the robot, in any format that import reads.")],
     to: SequenceOptions,
@@ -86,7 +88,7 @@ def join(
     to.make(trajectories, printing, at=[_span("--at", text) for text in at or ()], **vars(seam))
 
 
-@command(commands, epilog="Example: robot-retarget loop walk.npz --robot op3 --times 3 --at 7.5:3 --best -o walks.npz")
+@command(epilog="Example: robot-retarget loop walk.npz --robot op3 --times 3 --at 7.5:3 --best -o walks.npz")
 def loop(
     motion: MotionOptions,
     to: SequenceOptions,
@@ -102,7 +104,7 @@ def loop(
     to.make([motion.trajectory] * times, printing, at=spans, **vars(seam))
 
 
-@command(commands, epilog="Example: robot-retarget retime walk.npz --robot op3 --speed 0.8 -o slow.npz")
+@command(epilog="Example: robot-retarget retime walk.npz --robot op3 --speed 0.8 -o slow.npz")
 def retime(
     motion: MotionOptions,
     to: SequenceOptions,
@@ -113,7 +115,7 @@ def retime(
     to.make([motion.trajectory], printing, speed=speed)
 
 
-@command(commands, epilog="Example: robot-retarget splice --legs squat.npz --arms wave.npz --robot op3 -o both.npz")
+@command(epilog="Example: robot-retarget splice --legs squat.npz --arms wave.npz --robot op3 -o both.npz")
 def splice(
     legs: Annotated[Path, typer.Option(help="The motion of legs, trunk and head, in any format that import reads.")],
     arms: Annotated[Path, typer.Option(help="The motion of the arms.")],
@@ -126,7 +128,7 @@ def splice(
     to.make([legs, arms], printing, lambda clips, **how: spliced(clips[0], clips[1], **how))
 
 
-@command(commands, epilog="Example: robot-retarget stops out/trajectory.npz --robot op3 --every 0.5")
+@command(epilog="Example: robot-retarget stops out/trajectory.npz --robot op3 --every 0.5")
 def stops(
     source: TrajectoryOptions,
     robot: RobotOptions,
@@ -171,7 +173,7 @@ def _saved(outcome: "Report | BalanceError", time: float, folder: Path) -> dict[
     return {"verdict": outcome.verdict, "reasons": list(outcome.reasons), "standing_after_s": standing}
 
 
-@command(commands, epilog="Example: robot-retarget mirror wave.npz --robot op3 -o left.npz")
+@command(epilog="Example: robot-retarget mirror wave.npz --robot op3 -o left.npz")
 def mirror(source: TrajectoryOptions, robot: RobotOptions, to: OutputOptions, printing: PrintOptions) -> None:
     """Exchange left and right. The result is not simulated."""
     from robot_retarget.edit.cuts import mirrored
@@ -181,7 +183,7 @@ def mirror(source: TrajectoryOptions, robot: RobotOptions, to: OutputOptions, pr
     _write(mirrored(load_trajectory(source.trajectory, model), model), to.output, printing)
 
 
-@command(commands, epilog="Example: robot-retarget cut walk.npz --robot op3 --trim 1:3.5 -o part.npz")
+@command(epilog="Example: robot-retarget cut walk.npz --robot op3 --trim 1:3.5 -o part.npz")
 def cut(
     source: TrajectoryOptions,
     robot: RobotOptions,
@@ -216,3 +218,38 @@ def _span(option: str, text: str, *ends: float) -> tuple[float, float]:
     except ValueError:
         raise UsageError(f"{option} takes two times A:B in seconds, got {text!r}") from None
     return first, second
+
+
+# `mend`: touch-ups of a trajectory, as the viewer makes them, from a file.
+
+
+@options
+class MendOptions(ForceOptions, MapOptions, ReadOptions, OutputOptions, TrajectoryOptions):
+    """A trajectory, the clip it came from, and its edits."""
+
+    motion: Path = option("The clip it came from.")
+    edges: Path = option("EDITS.toml, as the viewer saves it; made in the order they stand.")
+
+
+@command(epilog="Example: robot-retarget mend dance.npz -r op3 --motion dance.bvh --edges EDITS.toml -o mended.npz")
+def mend(edited: MendOptions, robot: RobotOptions, frozen: FreezeOptions, printing: PrintOptions) -> None:
+    """Solve the frames around each edit again, as `view` does. Exit code 1 if a hard edge of the file is not met."""
+    from robot_retarget.base.files import require_writable
+    from robot_retarget.edit.touchup import apply_edits, graph_of
+    from robot_retarget.formats import load_trajectory
+    from robot_retarget.graph.edits import read_edits
+    from robot_retarget.solver.solution import unmet_of_user
+
+    require_writable(edited.output)
+    model, edits = frozen.of(robot.load()), read_edits(edited.edges)
+    played, clip = load_trajectory(edited.trajectory, model), edited.read(edited.motion)
+    require_source(played, clip, edited.force)
+    made, outcomes = apply_edits(graph_of(clip, model, played, edited.map_file), played, edits)
+    made.save(edited.output)
+    reached = [outcome.reached for outcome in outcomes if outcome.reached]
+    unmet = unmet_of_user(edge for outcome in outcomes for edge in outcome.unmet)
+    facts = {"output": str(edited.output), "edits": len(edits), "reached": reached, "unmet": unmet}
+    wrote = f"wrote {edited.output}; simulate it before you play it"
+    printing.result(facts, "\n".join([*reached, *unmet, wrote]))
+    if unmet:
+        raise typer.Exit(1)

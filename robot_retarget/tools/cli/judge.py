@@ -1,0 +1,183 @@
+"""`simulate`: a trajectory on simulated servos, and a verdict."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import typer
+
+from robot_retarget.base.errors import TrajectoryError
+from robot_retarget.tools.cli import console
+from robot_retarget.tools.cli.command import argument, command, option, options
+from robot_retarget.tools.cli.console import progress
+from robot_retarget.tools.cli.formats import ColumnOptions, KnownOptions, options_of
+from robot_retarget.tools.cli.options import (
+    OUT,
+    JudgeOptions,
+    MapOptions,
+    PrintOptions,
+    ReadOptions,
+    RobotOptions,
+    ServoOptions,
+    TrajectoryOptions,
+)
+from robot_retarget.tools.cli.run import draw_warnings, save_judged, write_page
+
+
+@options
+class SimulateOptions(JudgeOptions, ServoOptions, TrajectoryOptions):
+    """Simulation of a trajectory, and the files to write."""
+
+    mode: Literal["auto", "pinned", "free"] = option(
+        "pinned (the pelvis is held), free (standing on a floor); auto: free if solved with balance.", default="auto"
+    )
+    compensate: bool = option("Send goals that compensate lag and load, or the trajectory itself.", default=True)
+    backlash: float = option("Play of every joint, either way [rad]; that of an XM430 is 0.0044 (0.25°).", default=0.0)
+    objects: Literal["carried", "free"] = option(
+        "Moving bodies of the scene follow their path, or are held by friction alone.", default="carried"
+    )
+    own_actuators: bool = option("The MJCF's actuators, no servos.", "--own-actuators", default=False)
+    store: bool = option("Keep the judged goals in the trajectory's file, and write the report of it.", default=True)
+    report_file: Path | None = option(
+        "The report to write; by default report.json (free) or report.pinned.json in the folder of the trajectory.",
+        "--report",
+        default=None,
+    )
+    thresholds: Path | None = option("TOML file with thresholds of the verdict.", default=None)
+    page: Path | None = option("A page with charts to write (.html).", default=None)
+
+
+@command(epilog="Example: robot-retarget simulate dance.npz --robot op3 --mode free")
+def simulate(how: SimulateOptions, robot: RobotOptions, printing: PrintOptions) -> None:
+    """Play a trajectory on simulated servos and pass a verdict; the goals that were judged are kept for `play`."""
+    from robot_retarget.base.files import require_suffix, require_writable
+    from robot_retarget.base.untrusted.documents import NAMES
+    from robot_retarget.collision.warn import warnings_of
+    from robot_retarget.judge.rollout import mode_of
+    from robot_retarget.judge.rollout import simulate as roll_out
+    from robot_retarget.judge.thresholds import read_thresholds
+    from robot_retarget.tools.view.film import loop
+    from robot_retarget.trajectory import load_trajectory
+
+    page = how.page
+    if page is not None:
+        require_suffix(page, ".html", "--json prints the report as JSON")
+    model, played = robot.load(how.servos), load_trajectory(how.trajectory)
+    mode = mode_of(played) if how.mode == "auto" else how.mode
+    where = how.report_file or how.trajectory.with_name(NAMES[mode])
+    for path in (*([how.trajectory, where] if how.store else []), *([page] if page else [])):
+        require_writable(path)
+    warnings = warnings_of(played, model) if len(played) > 1 else None  # a single frame has no next one to warn of
+    with progress() as begin:
+        report = roll_out(
+            played,
+            model,
+            mode=mode,
+            drives=None if how.own_actuators else "auto",
+            compensate=how.compensate,
+            thresholds=None if how.thresholds is None else read_thresholds(how.thresholds),
+            warnings=warnings,
+            draws=how.draws,
+            feedback=how.feedback,
+            backlash=how.backlash,
+            objects=how.objects,
+            progress=begin("simulate"),
+        )
+    if how.store:
+        save_judged(report, how.trajectory, where)
+    if page is not None:
+        write_page(report, report.trajectory or played, warnings, page, film=loop(model, played))
+    printing.show(report.contract(), lambda _: console.show_report(report))
+    raise typer.Exit(0 if report.verdict == "pass" else 1)
+
+
+# `warn`: collisions foreseen.
+
+
+@options
+class WarnedOptions(TrajectoryOptions):
+    """How far ahead to look, and what to write."""
+
+    horizon: float = option("How far ahead joints continue [s]; 0.2 for smooth machine motion.", default=1 / 30)
+    output: Path | None = option("A table of the events to write (.csv).", *OUT, default=None)
+    plot: Path | None = option("A picture of D, distance and α to draw.", default=None)
+
+
+@command(epilog="Example: robot-retarget warn dance.npz --robot op3 --plot warnings.png")
+def warn(warned: WarnedOptions, robot: RobotOptions, printing: PrintOptions) -> None:
+    """Foresee collisions of a trajectory with itself and with the bodies around it, frame by frame, and say what came of each warning."""
+    from robot_retarget.base.files import require_suffix, require_writable
+    from robot_retarget.collision.events import figures_of, write_csv
+    from robot_retarget.collision.warn import WarnOptions, warnings_of
+    from robot_retarget.tools.view.charts import require_drawable
+    from robot_retarget.trajectory import load_trajectory
+
+    output, plot = warned.output, warned.plot
+    for path in filter(None, (output, plot)):
+        require_writable(path)
+    if output is not None:
+        require_suffix(output, ".csv", "--json prints the events as JSON")
+    if plot is not None:
+        require_drawable(plot)
+    found = warnings_of(load_trajectory(warned.trajectory), robot.load(), WarnOptions(horizon=warned.horizon))
+    if output is not None:
+        write_csv(found.events, output)
+    facts = {
+        "events": [event.contract() for event in found.events],
+        "figures": figures_of(found.events, len(found), found.fps),
+    }
+    printing.show(facts, console.show_warnings)
+    if output is not None:
+        console.note(f"wrote {output}")
+    if plot is not None:
+        draw_warnings(found, plot)
+
+
+# `score`: the figures by which retargeters are compared.
+
+if TYPE_CHECKING:
+    from robot_retarget.human.motion import Motion
+    from robot_retarget.trajectory import Trajectory
+
+
+@options
+class ScoreOptions(ColumnOptions, KnownOptions, MapOptions, ReadOptions):
+    """The motion of a robot and of the human."""
+
+    trajectory: Path = argument("File or folder with the motion of a robot.")
+    motion: Path | None = option(
+        "The human motion it comes from; without one, figures of the robot.", "--motion", "-m", default=None
+    )
+    rate: float | None = option("Frames per second of a file that says none, or says it wrong.", default=None)
+    source_fps: float | None = option(
+        "Frames per second of the motion file; overrides the file.", "--motion-fps", default=None
+    )
+    repair: bool = option("Repair defects of the motion, as solve does.", default=False)
+    output: Path | None = option("A JSON file to write.", *OUT, default=None)
+
+
+@command(epilog="Example: robot-retarget score dance.npz --robot op3 --motion dance.bvh")
+def score(scored: ScoreOptions, robot: RobotOptions, printing: PrintOptions) -> None:
+    """Score any known file of robot motion: likeness to the human, contacts, feet, limits, smoothness, physics."""
+    from robot_retarget.base.files import require_writable, write_text
+    from robot_retarget.formats import import_motion
+    from robot_retarget.scores.score import score as measure
+
+    if scored.output is not None:
+        require_writable(scored.output)
+    model, options = robot.load(), options_of(scored.joints, source_fps=scored.rate, quaternion=scored.quaternion)
+    played = import_motion(scored.trajectory, model, scored.format, options)
+    human = None if scored.motion is None else scored.read(scored.motion)
+    if human is not None and played.source != str(scored.trajectory):  # other tools' files name no motion
+        _note_source(played, human)
+    found = measure(played, model, human, overrides=scored.map_file)
+    if scored.output is not None:
+        write_text(scored.output, console.as_json(found.contract()) + "\n")
+    printing.show(found.contract(), lambda _: console.show_score(found))
+
+
+def _note_source(played: "Trajectory", human: "Motion") -> None:
+    """Say that a trajectory names another motion as its source than the one it is compared with."""
+    try:
+        played.require_source(human.source, human.source_sha256)
+    except TrajectoryError as error:
+        console.note(f"{error}; the figures compare them all the same")
