@@ -17,8 +17,8 @@ from robot_retarget.base.mujoco_setup import unusable
 from robot_retarget.human.span import span_of
 from robot_retarget.robot import load_robot
 from robot_retarget.tools.cli import app
-from robot_retarget.tools.cli.options import kind_of
 from robot_retarget.tools.cli.info import examine, ports
+from robot_retarget.tools.cli.options import kind_of
 
 WAVE = ROOT / "samples/wave.bvh"
 

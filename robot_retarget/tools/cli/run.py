@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from robot_retarget.judge.report import Report
     from robot_retarget.robot import Robot
     from robot_retarget.servo.outcome import PlaybackOutcome
-    from robot_retarget.solver.result import Result
+    from robot_retarget.solver.pipeline import Result
     from robot_retarget.tools.view.film import AnimatedWebP, Film
     from robot_retarget.tools.view.picture import Picture, Unavailable
     from robot_retarget.trajectory import Trajectory
