@@ -58,7 +58,7 @@ LIBRARIES = {
     "pyarrow": ("tools/batch/report.py", "base/untrusted/tables.py"),
     "pythonosc": ("live/send.py",),
     "matplotlib": ("tools/view/",),
-    "ezc3d": ("human/readers/c3d/child.py",),
+    "ezc3d": ("human/readers/c3d_child.py",),
     "fast_simplification": ("tools/view/web/",),
 }
 UNITS = sorted({path.relative_to(PACKAGE).parts[0].removesuffix(".py") for path in PACKAGE.rglob("*.py")})

@@ -13,10 +13,10 @@ from shared_files import ROOT
 
 from robot_retarget.base.files import SAMPLES
 from robot_retarget.base.keypoints import KEYPOINTS
-from robot_retarget.human.kinematics import backward
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import read_motion
 from robot_retarget.human.recognition import recognise
+from robot_retarget.human.skeleton import backward
 from robot_retarget.papers.body import table_one_body
 
 CLIPS = ("wave", "clap", "hips_and_bow", "squat", "walk")

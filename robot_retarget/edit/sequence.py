@@ -18,10 +18,10 @@ from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.base.keypoints import ARM, SIDES
 from robot_retarget.edit.seam import Seam, Stances, found_seam, table_of
 from robot_retarget.formats import load_trajectory
-from robot_retarget.human.kinematics import backward, forward
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.resample import at_frames
 from robot_retarget.human.robot_performer import performed
+from robot_retarget.human.skeleton import backward, forward
 from robot_retarget.robot import Robot, as_robot
 from robot_retarget.robot.timing import resample
 from robot_retarget.solver.balance.balance import balance_modes

@@ -7,10 +7,8 @@ from pathlib import Path
 
 from robot_retarget.base.errors import FileError, MotionError, UsageError
 from robot_retarget.base.untrusted.limits import refusing
-from robot_retarget.human.capture import Capture
+from robot_retarget.human.capture import Capture, Request, one_performer
 from robot_retarget.human.motion import Motion
-from robot_retarget.human.performers import one_performer
-from robot_retarget.human.readers.request import Request
 from robot_retarget.human.readers.table import format_of
 from robot_retarget.human.upright import STATURES, upright
 

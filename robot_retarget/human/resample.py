@@ -7,8 +7,8 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import UsageError
-from robot_retarget.human.kinematics import backward, forward
 from robot_retarget.human.motion import Motion
+from robot_retarget.human.skeleton import backward, forward
 
 RATES = (1.0, 1000.0)
 """Frames per second that make sense [1/s]."""

@@ -16,9 +16,8 @@ from scipy.spatial.transform import Rotation
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import RobotRetargetError
 from robot_retarget.base.keypoints import KEYPOINTS, mirrored
-from robot_retarget.human.capture import Capture
+from robot_retarget.human.capture import Capture, Request
 from robot_retarget.human.motion import Motion
-from robot_retarget.human.readers.request import Request
 from robot_retarget.human.readers.table import format_of
 from robot_retarget.human.recognition import Recognition, recognise
 from robot_retarget.human.recognition.recognise import leg_length

@@ -10,9 +10,8 @@ import numpy as np
 from moves import Floats, unit
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.human.kinematics import backward, forward
 from robot_retarget.human.motion import Motion
-from robot_retarget.human.skeleton import Skeleton
+from robot_retarget.human.skeleton import Skeleton, backward, forward
 from robot_retarget.papers.body import table_one_body
 
 SIDES = {"Right": -1.0, "Left": 1.0}

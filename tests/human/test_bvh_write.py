@@ -8,11 +8,10 @@ from scipy.spatial.transform import Rotation
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.base.errors import OutputError
-from robot_retarget.human.kinematics import backward, forward
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import read_motion
 from robot_retarget.human.readers.bvh import read_bvh, write_bvh
-from robot_retarget.human.skeleton import Skeleton
+from robot_retarget.human.skeleton import Skeleton, backward, forward
 
 TO_FILE = np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]])
 """z up to y up."""

@@ -11,9 +11,9 @@ from robot_retarget.base.errors import MotionError
 from robot_retarget.base.keypoints import KEYPOINTS
 from robot_retarget.human.read import read_motion
 from robot_retarget.human.readers.bvh import read_bvh
-from robot_retarget.human.readers.joint_sets import JOINT_SETS
+from robot_retarget.human.readers.positions import JOINT_SETS
 from robot_retarget.human.recognition import recognise
-from robot_retarget.human.tree import sorted_tree
+from robot_retarget.human.skeleton import sorted_tree
 
 SMPL_OF_LAFAN = [
     "Hips", "LeftUpLeg", "RightUpLeg", "Spine", "LeftLeg", "RightLeg", "Spine1", "LeftFoot", "RightFoot", "Spine2",

@@ -8,10 +8,10 @@ import pytest
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.human.capture import Capture
+from robot_retarget.human.defects import NoiseRule, noise_of, smoothed
 from robot_retarget.human.readers.bvh import read_bvh
 from robot_retarget.human.recognition import recognise
 from robot_retarget.human.recognition.recognise import leg_length
-from robot_retarget.human.repair.noise import NoiseRule, noise_of, smoothed
 from robot_retarget.human.upright import upright
 
 pytestmark = needs_shared

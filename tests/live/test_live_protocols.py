@@ -11,9 +11,9 @@ from performers import clip
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.errors import UsageError
-from robot_retarget.human.kinematics import forward, forward_once
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.recognition import recognise
+from robot_retarget.human.skeleton import forward, forward_once
 from robot_retarget.live.faults import FaultCounter
 from robot_retarget.live.frame import Frame
 from robot_retarget.live.protocols.bones import (

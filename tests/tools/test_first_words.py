@@ -14,7 +14,7 @@ from shared_files import ROOT
 
 from robot_retarget.base.errors import UsageError, known
 from robot_retarget.base.mujoco_setup import unusable
-from robot_retarget.human.span import span_of
+from robot_retarget.human.motion import span_of
 from robot_retarget.robot import load_robot
 from robot_retarget.tools.cli import app
 from robot_retarget.tools.cli.info import examine, ports

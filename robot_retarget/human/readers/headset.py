@@ -3,11 +3,17 @@
 OpenXR's axes: x right, y up, z back. Ours: x' = −z, y' = −x, z' = y. Rotations are those of the joints in the world.
 """
 
+import struct
+from pathlib import Path
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Bools, Floats
-from robot_retarget.human.readers.smpl.body import NAMES, PARENTS, mean_skeleton
+from robot_retarget.base.errors import MotionError
+from robot_retarget.base.untrusted.tables import MAGIC, bag_messages
+from robot_retarget.human.capture import Capture, FileHeader, Request
+from robot_retarget.human.readers.smpl import NAMES, PARENTS, mean_skeleton
 from robot_retarget.human.skeleton import Skeleton
 
 JOINTS = len(NAMES)
@@ -52,3 +58,77 @@ class HeldBody:
 
 def _rotation(turn: Floats) -> Rotation:
     return Rotation.from_quat(turn, scalar_first=True)
+
+
+# Isaac Capture (NVIDIA's Isaac Teleop): a session recorded as `.mcap`, with messages `core.FullBodyPoseRecord` in FlatBuffers.
+#
+# A record holds `data` (empty while no body is tracked) with `joints`: 24 structs of 32 bytes, position x y z [m] and orientation
+# x y z w in single precision, a byte `is_valid`, and padding. Times are those of the log.
+
+SCHEMA = "core.FullBodyPoseRecord"
+JOINT = np.dtype([("pose", "<f4", 7), ("tracked", "u1"), ("padding", "u1", 3)])
+FIRST = 4
+"""Offset of the first field in a table of offsets [bytes]; a field of `data` and `joints` alike."""
+NANO = 1e-9
+
+
+def matches_format(header: FileHeader) -> bool:
+    """Whether a file begins as an MCAP file does."""
+    return header.head.startswith(MAGIC)
+
+
+def read(path: Path, request: Request) -> Capture:
+    """Read the body of every record; joints that are not tracked are held.
+
+    Raises:
+        MotionError: no record has a tracked pelvis, or a record is broken.
+    """
+    topics, bodies, body = set(), [], HeldBody()
+    for schema, channel, message, content in bag_messages(path):
+        topics.add(channel.topic)
+        if schema is not None and schema.name == SCHEMA:
+            rows = joints_of(content)
+            held = None if rows is None else body.step(rows["pose"].astype(float), rows["tracked"] != 0)
+            if held is not None and rows is not None:
+                bodies.append((message.log_time * NANO, *held, rows["tracked"] == 0))
+    if len(bodies) < 2:
+        listed = ", ".join(sorted(topics)) or "nothing"
+        raise MotionError(f"needs two records {SCHEMA} or more with a tracked pelvis; it holds {listed}", path)
+    times, places, turns, lost = (np.array(part) for part in zip(*bodies, strict=True))
+    fps, notes = request.rate(float(np.round(1 / np.median(np.diff(times)), 2)))
+    nearest = _nearest(times, fps)
+    away = [
+        f"{name} {100 * share:.0f} %"
+        for name, share in zip(body.skeleton.names, lost.mean(axis=0), strict=True)
+        if share
+    ]
+    if away:
+        notes = (*notes, f"Joints that were not tracked are held: {', '.join(away)} of the frames.")
+    return Capture(body.skeleton, places[nearest], turns[nearest], fps, str(path), notes, up="+z")
+
+
+def joints_of(record: bytes) -> np.ndarray | None:
+    """The joints (24,) of a record; None while no body was tracked.
+
+    Raises:
+        ValueError, struct.error: offsets leave the record.
+    """
+    data = _field(record, struct.unpack_from("<I", record)[0])
+    at = None if data is None else _field(record, data + struct.unpack_from("<I", record, data)[0])
+    return None if at is None else np.frombuffer(record, JOINT, JOINTS, at)
+
+
+def _field(record: bytes, table: int) -> int | None:
+    """Where the first field of a table stands; None if it is absent."""
+    offsets = table - struct.unpack_from("<i", record, table)[0]
+    if offsets < 0 or struct.unpack_from("<H", record, offsets)[0] <= FIRST:
+        return None
+    offset = struct.unpack_from("<H", record, offsets + FIRST)[0]
+    return table + offset if offset else None
+
+
+def _nearest(times: Floats, fps: float) -> np.ndarray:
+    """The record nearest to each of the even times."""
+    even = np.arange(times[0], times[-1] + 0.5 / fps, 1 / fps)
+    after = np.clip(np.searchsorted(times, even), 1, len(times) - 1)
+    return after - (even - times[after - 1] < times[after] - even)

@@ -14,11 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Bools, Floats
 from robot_retarget.base.errors import MotionError
-from robot_retarget.human.capture import Capture
-from robot_retarget.human.readers.file_header import FileHeader
-from robot_retarget.human.readers.request import Request
-from robot_retarget.human.skeleton import Skeleton
-from robot_retarget.human.tree import sorted_tree
+from robot_retarget.human.capture import Capture, FileHeader, Request
+from robot_retarget.human.skeleton import Skeleton, sorted_tree
 
 CONTACTS = ("LeftFoot_Heel", "LeftFoot_Toe", "RightFoot_Heel", "RightFoot_Toe")
 """In the order of `Motion.contacts`."""

@@ -7,8 +7,8 @@ M p, and a rotation (w, v) becomes (w, −M v); both hold for a bone's pose in i
 from collections.abc import Collection, Sequence
 
 from robot_retarget.base.arrays import Floats
-from robot_retarget.human.kinematics import Place, Turn
-from robot_retarget.human.readers.smpl.body import mean_skeleton
+from robot_retarget.human.readers.smpl import mean_skeleton
+from robot_retarget.human.skeleton import Place, Turn
 
 _SIDED = {
     "UpperLeg": ("Hips", "hip"),

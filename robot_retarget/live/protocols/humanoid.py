@@ -6,9 +6,9 @@ import numpy as np
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import UsageError
-from robot_retarget.human.kinematics import backward
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.recognition import Recognition
+from robot_retarget.human.skeleton import backward
 from robot_retarget.live.protocols.bones import BONES, OPTIONAL, carriers
 
 _LIMBS = {

@@ -16,8 +16,7 @@ import numpy as np
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import MotionError
 from robot_retarget.base.untrusted.documents import parse_json
-from robot_retarget.human.kinematics import backward
-from robot_retarget.human.skeleton import Skeleton
+from robot_retarget.human.skeleton import Skeleton, backward
 from robot_retarget.live.faults import Fault, FaultCounter, RefusedError
 from robot_retarget.live.frame import Frame
 from robot_retarget.live.protocols.clock import SenderClock

@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robot_retarget.human.kinematics import Place, Turn, forward_once
-from robot_retarget.human.skeleton import Skeleton
+from robot_retarget.human.skeleton import Place, Skeleton, Turn, forward_once
 from robot_retarget.live.faults import Fault, FaultCounter, RefusedError
 from robot_retarget.live.frame import Frame
 from robot_retarget.live.protocols.bones import BONES, OPTIONAL, PASSED_OVER, carriers, mean_offsets, place_of, turn_of

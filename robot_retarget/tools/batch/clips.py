@@ -10,7 +10,7 @@ from fnmatch import fnmatch
 from pathlib import Path
 
 from robot_retarget.base.errors import MotionError, UsageError
-from robot_retarget.human.readers.file_header import FileHeader
+from robot_retarget.human.capture import FileHeader
 from robot_retarget.human.readers.table import FORMATS, format_of
 from robot_retarget.trajectory import KEYS
 

@@ -191,8 +191,8 @@ def peak_memory() -> float:
 
 def _made(task: Task) -> dict[str, Any]:
     """The fields of the outcome of a clip that could be done; its files are written."""
+    from robot_retarget.human.motion import part_of
     from robot_retarget.human.read import read_motion
-    from robot_retarget.human.span import part_of
     from robot_retarget.robot import freeze
     from robot_retarget.scores.score import score
 

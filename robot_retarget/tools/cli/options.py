@@ -149,8 +149,8 @@ class ReadOptions(PartOptions):
 
     def read(self, path: Path) -> "Motion":
         """Return the motion of a file, or the wanted part of it."""
+        from robot_retarget.human.motion import part_of
         from robot_retarget.human.read import read_motion
-        from robot_retarget.human.span import part_of
 
         motion = read_motion(
             path, fps=self.source_fps, body_model=self.body_model, up=self.up, repair=self.repair, height=self.height

@@ -11,10 +11,10 @@ from shared_files import SHARED, needs_shared
 import robot_retarget as rr
 from robot_retarget.base.errors import MotionError
 from robot_retarget.base.keypoints import KEYPOINTS
+from robot_retarget.human.capture import Request
 from robot_retarget.human.read import read_motion
 from robot_retarget.human.readers import amc, bvh
 from robot_retarget.human.readers.bvh import write_bvh
-from robot_retarget.human.readers.request import Request
 from robot_retarget.human.recognition import recognise
 
 FOLDER = SHARED / "motions" / "other" / "asfamc"

@@ -12,10 +12,10 @@ from shared_files import SHARED, needs_shared
 
 from robot_retarget.base.errors import MotionError
 from robot_retarget.base.keypoints import KEYPOINTS
+from robot_retarget.human.capture import Request
 from robot_retarget.human.read import read_motion
 from robot_retarget.human.readers import c3d
-from robot_retarget.human.readers.markers.regressions import Markers, chord, hip_centres
-from robot_retarget.human.readers.request import Request
+from robot_retarget.human.readers.regressions import Markers, chord, hip_centres
 from robot_retarget.human.recognition import recognise
 
 FOLDER = SHARED / "motions" / "other" / "c3d"

@@ -10,9 +10,9 @@ from shared_files import SHARED, needs_shared
 
 from robot_retarget.base.errors import MotionError
 from robot_retarget.base.keypoints import KEYPOINTS
+from robot_retarget.human.capture import Request
 from robot_retarget.human.read import read_motion
-from robot_retarget.human.readers import deepmimic
-from robot_retarget.human.readers.request import Request
+from robot_retarget.human.readers import datasets
 from robot_retarget.human.recognition import recognise
 
 FOLDER = SHARED / "motions" / "other" / "deepmimic"
@@ -22,7 +22,7 @@ TAKES = ("dance_a", "getup_facedown", "kick", "walk")
 @needs_shared
 def test_the_skeleton_is_that_of_the_character_file():
     joints = json.loads((FOLDER / "character_humanoid3d.txt").read_text())["Skeleton"]["Joints"]
-    skeleton = deepmimic.SKELETON
+    skeleton = datasets.SKELETON
     for joint in joints:
         index = skeleton.names.index(joint["Name"])
         assert skeleton.offsets[index].tolist() == [joint[f"Attach{axis}"] for axis in "XYZ"]
@@ -36,7 +36,7 @@ def test_the_skeleton_is_that_of_the_character_file():
 @pytest.mark.parametrize("take", TAKES)
 def test_joints_stand_where_rotations_along_the_chain_put_them(take):
     path = FOLDER / f"humanoid3d_{take}.txt"
-    capture = deepmimic.read(path, Request())
+    capture = datasets.read_deepmimic(path, Request())
     joints = json.loads((FOLDER / "character_humanoid3d.txt").read_text())["Skeleton"]["Joints"]
     rows = json.loads(path.read_text())["Frames"]
     for frame in range(0, len(rows), 11):
@@ -84,7 +84,7 @@ def frame(**changes) -> list[float]:
 
 
 def test_broken_frames_are_named(tmp_path):
-    assert len(frame()) == deepmimic.WIDTH == 44
+    assert len(frame()) == datasets.DEEPMIMIC_WIDTH == 44
     for rows, message in (
         ([frame(), frame()[:-1]], r"Frames\[1\]: expected 44 numbers \(the character humanoid3d\), found 43"),
         ([frame(), frame(_4=0.0)], r"Frames\[1\], root: expected a unit quaternion"),
@@ -94,7 +94,7 @@ def test_broken_frames_are_named(tmp_path):
         ([], "expected the `Frames` of a DeepMimic motion"),
     ):
         with pytest.raises(MotionError, match=message):
-            deepmimic.read(written(tmp_path, rows), Request())
+            datasets.read_deepmimic(written(tmp_path, rows), Request())
     path = written(tmp_path, [frame()] * 3)
     path.write_text(path.read_text()[:-20])
     with pytest.raises(MotionError, match=r"clip\.txt:1: not JSON"):

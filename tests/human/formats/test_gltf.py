@@ -14,10 +14,10 @@ from shared_files import SHARED, needs_shared
 
 from robot_retarget.base.errors import MotionError
 from robot_retarget.base.keypoints import KEYPOINTS
+from robot_retarget.human.capture import Request
 from robot_retarget.human.read import read_motion
 from robot_retarget.human.readers import gltf
-from robot_retarget.human.readers.gltf.container import GltfFile
-from robot_retarget.human.readers.request import Request
+from robot_retarget.human.readers.gltf_container import GltfFile
 from robot_retarget.human.recognition import recognise
 
 FOLDER = SHARED / "motions" / "other" / "gltf"

@@ -8,10 +8,10 @@ from headset_sessions import isaac_session, performer, poses_of, record, their_s
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.errors import MotionError
+from robot_retarget.human.capture import Request
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import read_motion
-from robot_retarget.human.readers.isaac import read
-from robot_retarget.human.readers.request import Request
+from robot_retarget.human.readers.headset import read
 
 KNEE, ANKLE, FOOT = 4, 7, 10
 

@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_retarget.base.errors import MotionError
+from robot_retarget.human.capture import Request
 from robot_retarget.human.read import read_motion
-from robot_retarget.human.readers import humanml3d
-from robot_retarget.human.readers.request import Request
+from robot_retarget.human.readers import datasets
 
 
 def yaw(angle: float) -> np.ndarray:
@@ -45,13 +45,13 @@ def made(seed: int, frames: int = 15) -> tuple[np.ndarray, np.ndarray]:
 @given(st.integers(0, 2**31))
 def test_features_give_back_the_joints_they_were_made_of(seed):
     positions, features = made(seed)
-    assert humanml3d.positions(features) == pytest.approx(positions, abs=1e-9)
+    assert datasets.humanml3d_positions(features) == pytest.approx(positions, abs=1e-9)
 
 
 def test_contacts_are_taken_and_the_rate_is_the_data_sets(tmp_path):
     _, features = made(3)
     np.save(tmp_path / "clip.npy", features)
-    capture = humanml3d.read(tmp_path / "clip.npy", Request())
+    capture = datasets.read_humanml3d(tmp_path / "clip.npy", Request())
     assert capture.fps == 20 and capture.contacts is not None
     assert capture.contacts.astype(float) == pytest.approx(features[:, 259:])
     assert read_motion(tmp_path / "clip.npy").contacts is not None

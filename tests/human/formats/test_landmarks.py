@@ -8,10 +8,10 @@ import pytest
 
 from robot_retarget.base.errors import MotionError
 from robot_retarget.base.keypoints import KEYPOINTS
+from robot_retarget.human.capture import Request
 from robot_retarget.human.read import read_motion
 from robot_retarget.human.readers import landmarks
-from robot_retarget.human.readers.landmarks.body import LANDMARKS
-from robot_retarget.human.readers.request import Request
+from robot_retarget.human.readers.landmarks import LANDMARKS
 from robot_retarget.human.recognition import recognise
 
 T = 24

@@ -11,7 +11,7 @@ from robot_retarget.base.errors import MotionError
 from robot_retarget.base.keypoints import KEYPOINTS
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import read_motion
-from robot_retarget.human.readers.optitrack_csv import PARENTS
+from robot_retarget.human.readers.marker_tables import PARENTS
 from robot_retarget.human.recognition import recognise
 
 CENTRES = {

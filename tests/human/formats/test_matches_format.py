@@ -77,7 +77,7 @@ def test_files_of_the_wild_are_told_under_any_name(tmp_path, name):
 
 
 def header_of(path: Path):
-    from robot_retarget.human.readers.file_header import FileHeader
+    from robot_retarget.human.capture import FileHeader
 
     return FileHeader(path)
 

@@ -8,10 +8,10 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.errors import MotionError, UsageError
 from robot_retarget.base.keypoints import KEYPOINTS
+from robot_retarget.human.capture import Request
 from robot_retarget.human.read import read_motion
 from robot_retarget.human.readers import smpl
-from robot_retarget.human.readers.request import Request
-from robot_retarget.human.readers.smpl.body import NAMES, PARENTS, mean_skeleton
+from robot_retarget.human.readers.smpl import NAMES, PARENTS, mean_skeleton
 from robot_retarget.human.recognition import recognise
 
 T = 12

@@ -13,10 +13,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.errors import MotionError
+from robot_retarget.human.capture import Request
 from robot_retarget.human.read import read_motion
-from robot_retarget.human.readers.request import Request
-from robot_retarget.human.readers.smpl import pickled
-from robot_retarget.human.readers.smpl.parameters import captured
+from robot_retarget.human.readers import tracked_people
+from robot_retarget.human.readers.smpl import captured
 
 T = 9
 RNG = np.random.default_rng(9)
@@ -179,12 +179,12 @@ def test_tracks_of_4d_humans_are_people_over_the_frames_that_show_them(tmp_path)
     frames = {f"{t}.jpg": phalp_frame(t, (4, t), (2, T - 1 - t)) for t in range(T)}
     frames["5.jpg"] = phalp_frame(5, (4, 0), lost=1)  # the tracker guesses
     joblib.dump(frames, tmp_path / "demo.pkl", compress=3)
-    found = pickled.read(tmp_path / "demo.pkl", Request())
+    found = tracked_people.read_pickle(tmp_path / "demo.pkl", Request())
     there = np.arange(T) != 5
     np.testing.assert_allclose(found.positions[there], expected.positions[there], atol=1e-5)
     np.testing.assert_allclose(found.positions[5], (found.positions[4] + found.positions[6]) / 2, atol=1e-9)
     assert found.camera and found.up == "-y" and any("(4, 2)" in note for note in found.notes)
-    other = pickled.read(tmp_path / "demo.pkl", Request(clip="2"))
+    other = tracked_people.read_pickle(tmp_path / "demo.pkl", Request(clip="2"))
     np.testing.assert_allclose(other.positions[[0, -1]], expected.positions[[-1, 0]], atol=1e-5)
 
 
@@ -194,7 +194,7 @@ def test_frames_of_multi_hmr_are_people_in_their_order(tmp_path) -> None:
     turns = np.concatenate([ROOT, BODY, np.zeros((T, 93), "f4")], axis=1).reshape(T, 53, 3)
     person = lambda t: {"rotvec": turns[t], "transl_pelvis": PLACE[t][None], "shape": BETAS[t], "scores": 0.9}  # noqa: E731
     (tmp_path / "humans.pkl").write_bytes(pickle.dumps([[person(t), person(0)] for t in range(T)]))
-    found = pickled.read(tmp_path / "humans.pkl", Request())
+    found = tracked_people.read_pickle(tmp_path / "humans.pkl", Request())
     np.testing.assert_allclose(found.positions, expected.positions, atol=1e-5)
     assert found.camera and any("of 2 motions" in note for note in found.notes)
 

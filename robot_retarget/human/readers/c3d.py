@@ -12,11 +12,9 @@ import numpy as np
 
 from robot_retarget.base.errors import MotionError, install_line
 from robot_retarget.base.untrusted.arrays import load_npz
-from robot_retarget.human.capture import Capture
-from robot_retarget.human.readers.c3d import child
-from robot_retarget.human.readers.file_header import FileHeader
-from robot_retarget.human.readers.markers.labelled import UNITS, LabelledPoints, captured, title_of
-from robot_retarget.human.readers.request import Request
+from robot_retarget.human.capture import Capture, FileHeader, Request
+from robot_retarget.human.readers import c3d_child
+from robot_retarget.human.readers.points import UNITS, LabelledPoints, labelled_capture, title_of
 
 _BIG_ENDIAN = 86
 """The kind of processor whose numbers begin with their highest byte."""
@@ -35,7 +33,7 @@ def read(path: Path, request: Request) -> Capture:
             which are missing.
     """
     titles, points, stored = _points(path)
-    capture = captured(LabelledPoints(titles, points, stored), path, request)
+    capture = labelled_capture(LabelledPoints(titles, points, stored), path, request)
     if (announced := _announced(path)) > len(points):
         raise MotionError(f"truncated: {len(points)} of {announced} frames are present", path)
     return capture
@@ -64,9 +62,9 @@ def _decoded(path: Path) -> dict[str, np.ndarray]:
         raise MotionError(f"C3D files need ezc3d: {install_line('c3d')}", path)
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "points.npz"
-        command = [sys.executable, child.__file__, str(path.absolute()), str(out)]
+        command = [sys.executable, c3d_child.__file__, str(path.absolute()), str(out)]
         done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
-        if done.returncode == child.BROKEN:
+        if done.returncode == c3d_child.BROKEN:
             raise MotionError(f"not a C3D file that can be read: {done.stderr.strip().splitlines()[-1]}", path)
         if done.returncode != 0:
             raise MotionError("not a C3D file that can be read: ezc3d crashes at it, so its counts are broken", path)

@@ -1,8 +1,4 @@
-"""CSV of OptiTrack Motive: bones of skeletons in the world, or markers.
-
-Line 1 holds pairs of name and value (`Export Frame Rate`, `Length Units`). Five rows then name the columns by type (`Bone`,
-`Marker`, …), name (`Anna:LShin`), ID, quantity (`Rotation`, `Position`) and axis; the first of them begins with `,Type`.
-"""
+"""Tables of text with markers, joint centres or bones: TRC, and the CSV exports of Vicon Nexus and OptiTrack Motive."""
 
 import csv
 from pathlib import Path
@@ -11,15 +7,90 @@ import numpy as np
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import MotionError, known
-from robot_retarget.human.capture import Capture
-from robot_retarget.human.readers.file_header import FileHeader
-from robot_retarget.human.readers.markers.labelled import LabelledPoints, captured, numbers, title_of
-from robot_retarget.human.readers.points import bridged
+from robot_retarget.human.capture import Capture, FileHeader, Request
+from robot_retarget.human.readers.points import UNITS, LabelledPoints, bridged, labelled_capture, numbers, title_of
 from robot_retarget.human.readers.positions import first_offsets
-from robot_retarget.human.readers.request import Request
 from robot_retarget.human.skeleton import Skeleton
 
-UNITS = {"meters": 1.0, "centimeters": 0.01, "millimeters": 0.001}
+# TRC: a table of markers or of joint centres, as OpenSim, Pose2Sim, OpenCap and Cortex write it.
+#
+# Lines: `PathFileType`, names of the header's values, the values, labels over every third column, `X1 Y1 Z1 …`, then rows
+# of frame, time and places; columns are separated by tabs, and an empty cell is a lost point.
+
+
+def is_trc(header: FileHeader) -> bool:
+    """Whether a text begins as TRC does."""
+    return header.text.lstrip().lower().startswith("pathfiletype")
+
+
+def read_trc(path: Path, request: Request) -> Capture:
+    """Read the points and put joints between them.
+
+    Raises:
+        MotionError: a line of another form, an unknown unit, or labels from which no joints follow.
+    """
+    lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
+    if len(lines) < 6:
+        raise MotionError(f"expected five lines of header and a row a frame, found {len(lines)} lines", path)
+    keys, values, labels = (lines[k].split("\t") for k in (1, 2, 3))
+    header = {key.strip().lower(): value.strip() for key, value in zip(keys, values, strict=False)}
+    unit = header.get("units", "mm").lower()
+    if unit not in UNITS:
+        raise MotionError(f"Units: expected one of {', '.join(UNITS)}, found {unit!r}", path, 3)
+    titles = [title_of(label) for label in labels[2:] if label.strip()]
+    rows = [(k, line) for k, line in enumerate(lines[5:], 6) if line.strip()]
+    points = np.array([numbers(line.split("\t")[2:], 3 * len(titles), path, k) for k, line in rows]).reshape(
+        len(rows), -1, 3
+    )
+    rate = header.get("datarate") or header.get("camerarate")
+    return labelled_capture(LabelledPoints(titles, points * UNITS[unit], float(rate) if rate else None), path, request)
+
+
+# CSV of Vicon Nexus: the block `Trajectories` with the places of markers, or of joint centres.
+#
+# Lines of the block: `Trajectories`, frames per second, labels (`Anna:LKNE`) over every third column, `Frame,Sub Frame,X,Y,Z,…`,
+# units, then rows; an empty cell is a lost point, and an empty line ends the block.
+
+BLOCK = "trajectories"
+
+
+def is_vicon(header: FileHeader) -> bool:
+    """Whether a text has the block, or one of the blocks that stand before it."""
+    first = header.text.lstrip("\ufeff").partition(",")[0].strip().partition("\n")[0].strip().lower()
+    return first == BLOCK or (first in ("devices", "joints", "model outputs") and header.path.suffix.lower() == ".csv")
+
+
+def read_vicon(path: Path, request: Request) -> Capture:
+    """Read the trajectories and put joints between them.
+
+    Raises:
+        MotionError: the block is missing, a row of another form, or labels from which no joints follow.
+    """
+    with path.open(encoding="utf-8-sig", newline="", errors="replace") as file:
+        rows = list(csv.reader(file))
+    first = next((k for k, row in enumerate(rows) if row and row[0].strip().lower() == BLOCK), None)
+    if first is None or len(rows) < first + 6:
+        raise MotionError("no block of Trajectories with a row a frame: export trajectories, not only devices", path)
+    rate, labels, units = rows[first + 1][0], rows[first + 2][2:], rows[first + 4][2:]
+    titles = [title_of(label) for label in labels[::3] if label.strip()]
+    unit = next((word.strip().lower() for word in units if word.strip()), "mm")
+    if unit not in UNITS:
+        raise MotionError(f"units: expected one of {', '.join(UNITS)}, found {unit!r}", path, first + 5)
+    places = []
+    for line, row in enumerate(rows[first + 5 :], first + 6):
+        if not any(cell.strip() for cell in row):
+            break
+        places.append(numbers(row[2:], 3 * len(titles), path, line))
+    points = np.array(places).reshape(len(places), len(titles), 3) * UNITS[unit]
+    return labelled_capture(LabelledPoints(titles, points, float(rate)), path, request)
+
+
+# CSV of OptiTrack Motive: bones of skeletons in the world, or markers.
+#
+# Line 1 holds pairs of name and value (`Export Frame Rate`, `Length Units`). Five rows then name the columns by type (`Bone`,
+# `Marker`, …), name (`Anna:LShin`), ID, quantity (`Rotation`, `Position`) and axis; the first of them begins with `,Type`.
+
+MOTIVE_UNITS = {"meters": 1.0, "centimeters": 0.01, "millimeters": 0.001}
 # Each bone of Motive's skeletons and the bone that carries it, in its own names and in those of FBX exports.
 _SIDED = {
     "Shoulder": "Chest", "UArm": "{}Shoulder", "FArm": "{}UArm", "Hand": "{}FArm",
@@ -61,12 +132,12 @@ class _Table:
         return {name: self.values[:, at] for name, at in whole.items() if len(at) == len(axes)}
 
 
-def matches_format(header: FileHeader) -> bool:
+def is_motive(header: FileHeader) -> bool:
     """Whether a text begins as Motive's exports do."""
     return header.text.lstrip().lower().startswith("format version,")
 
 
-def read(path: Path, request: Request) -> Capture:
+def read_motive(path: Path, request: Request) -> Capture:
     """Read the bones of the first skeleton or of the requested one; without bones, the markers.
 
     Raises:
@@ -75,18 +146,18 @@ def read(path: Path, request: Request) -> Capture:
     table = _Table(path)
     rate = table.header.get("export frame rate") or table.header.get("capture frame rate")
     unit = table.header.get("length units", "meters")
-    if unit not in UNITS or table.header.get("coordinate space", "global") != "global":
+    if unit not in MOTIVE_UNITS or table.header.get("coordinate space", "global") != "global":
         found = f"{unit}, {table.header.get('coordinate space', 'global')}"
-        raise MotionError(f"expected {', '.join(UNITS)} in global coordinates, found {found}", path, 1)
+        raise MotionError(f"expected {', '.join(MOTIVE_UNITS)} in global coordinates, found {found}", path, 1)
     fps = float(rate) if rate else None
     places = table.of(("bone",), "position", "xyz")
     if places:
-        return _bones(places, table.of(("bone",), "rotation", "wxyz"), UNITS[unit], fps, path, request)
+        return _bones(places, table.of(("bone",), "rotation", "wxyz"), MOTIVE_UNITS[unit], fps, path, request)
     markers = table.of(_MARKERS, "position", "xyz")
     if not markers:
         raise MotionError("holds neither bones nor markers with positions", path)
-    points = np.stack(list(markers.values()), axis=1) * UNITS[unit]
-    return captured(LabelledPoints([title_of(name) for name in markers], points, fps), path, request)
+    points = np.stack(list(markers.values()), axis=1) * MOTIVE_UNITS[unit]
+    return labelled_capture(LabelledPoints([title_of(name) for name in markers], points, fps), path, request)
 
 
 def _bones(

@@ -1,0 +1,210 @@
+"""Arrays and frames of numbers of data sets: DeepMimic, HumanML3D, Motion-X."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import MotionError
+from robot_retarget.base.untrusted.arrays import load_arrays
+from robot_retarget.base.untrusted.documents import read_json
+from robot_retarget.human.capture import Capture, FileHeader, Request
+from robot_retarget.human.readers.points import of_points
+from robot_retarget.human.readers.positions import CONTACT, HUMANML3D
+from robot_retarget.human.readers.smpl import captured
+from robot_retarget.human.skeleton import Skeleton, forward
+
+# DeepMimic's motions: JSON frames of a duration, a root and the turns of a humanoid's joints in their parents.
+
+# Joint, its parent, its place in the parent [m] and the numbers of its turn: 4 a quaternion w x y z, 1 an angle about z,
+# 0 none. From the character file `humanoid3d` [Peng2018]: x ahead, y up, z to the right. The last three are the middle of
+# the head's sphere and the front ends of the feet's boxes, which the file has as shapes.
+_JOINTS: tuple[tuple[str, str, tuple[float, float, float], int], ...] = (
+    ("root", "", (0.0, 0.0, 0.0), 4),
+    ("chest", "root", (0.0, 0.236151, 0.0), 4),
+    ("neck", "chest", (0.0, 0.223894, 0.0), 4),
+    ("right_hip", "root", (0.0, 0.0, 0.084887), 4),
+    ("right_knee", "right_hip", (0.0, -0.421546, 0.0), 1),
+    ("right_ankle", "right_knee", (0.0, -0.409870, 0.0), 4),
+    ("right_shoulder", "chest", (-0.02405, 0.24350, 0.18311), 4),
+    ("right_elbow", "right_shoulder", (0.0, -0.274788, 0.0), 1),
+    ("left_hip", "root", (0.0, 0.0, -0.084887), 4),
+    ("left_knee", "left_hip", (0.0, -0.421546, 0.0), 1),
+    ("left_ankle", "left_knee", (0.0, -0.409870, 0.0), 4),
+    ("left_shoulder", "chest", (-0.02405, 0.24350, -0.18311), 4),
+    ("left_elbow", "left_shoulder", (0.0, -0.274788, 0.0), 1),
+    ("right_wrist", "right_elbow", (0.0, -0.258947, 0.0), 0),
+    ("left_wrist", "left_elbow", (0.0, -0.258947, 0.0), 0),
+    ("head", "neck", (0.0, 0.175, 0.0), 0),
+    ("right_toe", "right_ankle", (0.1335, -0.0225, 0.0), 0),
+    ("left_toe", "left_ankle", (0.1335, -0.0225, 0.0), 0),
+)
+_NAMES = tuple(name for name, *_ in _JOINTS)
+SKELETON = Skeleton(
+    _NAMES,
+    np.array([_NAMES.index(parent) if parent else -1 for _, parent, *_ in _JOINTS]),
+    np.array([place for _, _, place, _ in _JOINTS]),
+)
+DEEPMIMIC_WIDTH = 4 + sum(numbers for *_, numbers in _JOINTS)
+"""Numbers of a frame: its duration [s], the root's place [m], then the turns."""
+_SHORTEST = 0.5
+"""Least length of a quaternion: those of motions that were resampled are up to a fifth short of 1."""
+
+
+def is_deepmimic(header: FileHeader) -> bool:
+    """Whether a file begins as a DeepMimic motion or character does."""
+    text = header.text.lstrip()
+    return text.startswith("{") and ('"Frames"' in text or '"TorqueLim"' in text)
+
+
+def read_deepmimic(path: Path, request: Request) -> Capture:
+    """Read a DeepMimic motion of the character `humanoid3d`.
+
+    Raises:
+        MotionError: no JSON, no `Frames`, a frame of another width, or a quaternion of zeros; names line or frame.
+    """
+    rows = _rows(path)
+    turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(rows), len(_JOINTS), 1))
+    column = 4
+    for joint, (name, _, _, numbers) in enumerate(_JOINTS):
+        values = rows[:, column : column + numbers]
+        column += numbers
+        if numbers == 4:
+            turns[:, joint] = _unit(values, name, path)
+        elif numbers == 1:
+            turns[:, joint] = Rotation.from_euler("z", values).as_quat(scalar_first=True)
+    translations = np.tile(SKELETON.offsets, (len(rows), 1, 1))
+    translations[:, 0] = rows[:, 1:4]
+    positions, rotations = forward(SKELETON.parents, translations, turns)
+    fps, notes = request.rate(_rate(rows[:, 0], path))
+    return Capture(SKELETON, positions, rotations, fps, str(path), notes, up="+y")
+
+
+def _rows(path: Path) -> Floats:
+    content = read_json(path, MotionError)
+    frames = content.get("Frames") if isinstance(content, dict) else None
+    if not isinstance(frames, list) or not frames:
+        found = ", ".join(content) if isinstance(content, dict) else type(content).__name__
+        raise MotionError(f"expected the `Frames` of a DeepMimic motion, found {found or 'nothing'}", path)
+    for frame, row in enumerate(frames):
+        if not isinstance(row, list) or len(row) != DEEPMIMIC_WIDTH:
+            count = len(row) if isinstance(row, list) else "no"
+            raise MotionError(
+                f"Frames[{frame}]: expected {DEEPMIMIC_WIDTH} numbers (the character humanoid3d), found {count}", path
+            )
+    try:
+        rows = np.array(frames, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise MotionError(f"Frames: expected numbers only: {error}", path) from error
+    if not np.isfinite(rows).all():
+        raise MotionError(f"Frames[{int(np.argwhere(~np.isfinite(rows))[0, 0])}]: a number is not finite", path)
+    return rows
+
+
+def _unit(values: Floats, name: str, path: Path) -> Floats:
+    size = np.linalg.norm(values, axis=1)
+    wrong = np.flatnonzero((size < _SHORTEST) | (size > 1 / _SHORTEST))
+    if wrong.size:
+        frame = int(wrong[0])
+        raise MotionError(f"Frames[{frame}], {name}: expected a unit quaternion w x y z, found {values[frame]}", path)
+    return values / size[:, None]
+
+
+def _rate(durations: Floats, path: Path) -> float:
+    """Frames per second; the last frame's duration is 0 by custom."""
+    step = float(np.median(durations[:-1])) if len(durations) > 1 else float(durations[0])
+    if step <= 0:
+        raise MotionError(f"Frames: expected durations over 0 s as first numbers, found {step:g}", path)
+    return round(1 / step, 2)
+
+
+# The 263 features of HumanML3D: joints about a root whose place and heading are sums of its steps [Guo2022].
+#
+# Columns of a frame: 0 the root's turn about y (half of it), 1–2 its step along x and z as seen from the heading, 3 its
+# height, 4–66 the places of the other 21 joints about it, 67–192 their turns in six numbers each, 193–258 velocities,
+# 259–262 contacts of left ankle, left foot, right ankle and right foot.
+
+HUMANML3D_WIDTH = 263
+HUMANML3D_FPS = 20.0
+"""Of the data set [1/s]."""
+_SIX = slice(67, 193)
+_UNIT = 0.2
+"""How far from 1 the length of the axes in columns 67–192 may be, on the mean; normalised features are further."""
+
+
+def is_humanml3d(header: FileHeader) -> bool:
+    """Whether an array is as wide as the features."""
+    return len(header.shape) == 2 and header.shape[1] == HUMANML3D_WIDTH
+
+
+def read_humanml3d(path: Path, request: Request) -> Capture:
+    """Read features and put the joints where they say.
+
+    Raises:
+        MotionError: not (T, 263) finite numbers, or features that are still normalised.
+    """
+    values = load_arrays(path)["positions"]
+    if values.ndim != 2 or values.shape[1] != HUMANML3D_WIDTH or not len(values) or values.dtype.kind not in "fiu":
+        raise MotionError(f"expected features (T, {HUMANML3D_WIDTH}), got {values.dtype} {values.shape}", path)
+    features = values.astype(float)
+    if not np.isfinite(features).all():
+        frame, column = np.argwhere(~np.isfinite(features))[0]
+        raise MotionError(f"frame {frame}, column {column} is not finite", path)
+    axes = np.linalg.norm(features[:, _SIX].reshape(-1, 3), axis=1)
+    if abs(float(axes.mean()) - 1) > _UNIT:
+        raise MotionError("the features are normalised: multiply by the data set's Std.npy and add its Mean.npy", path)
+    fps, rate_notes = request.rate(usual=HUMANML3D_FPS)
+    joints = humanml3d_positions(features)
+    names = tuple(HUMANML3D)
+    body = {name: (HUMANML3D[name] or "", joints[:, k]) for k, name in enumerate(names)}
+    notes = ("The file says when the feet stand: its contacts are taken.", *rate_notes)
+    capture = of_points(body, fps, str(path), notes, up="+y")
+    return replace(capture, contacts=features[:, 259:263] > CONTACT)
+
+
+def humanml3d_positions(features: Floats) -> Floats:
+    """(T, 22, 3) of the joints [m], y up.
+
+    The heading before frame t is the sum of the turns before it, and the root's place that of the steps, each turned by the
+    heading it was made in.
+    """
+    half = np.concatenate([[0.0], np.cumsum(features[:-1, 0])])
+    heading = Rotation.from_euler("y", -2 * half[:, None])
+    steps = np.zeros((len(features), 3))
+    steps[1:, [0, 2]] = features[:-1, 1:3]
+    root = np.cumsum(heading.apply(steps), axis=0)
+    root[:, 1] = features[:, 3]
+    about = features[:, 4:67].reshape(-1, 21, 3)
+    turned = np.einsum("tij,tkj->tki", heading.as_matrix(), about)
+    turned[:, :, [0, 2]] += root[:, None, [0, 2]]
+    return np.concatenate([root[:, None], turned], axis=1)
+
+
+# Motion-X: rows of 322 numbers, the parameters of SMPL-X side by side.
+#
+# Columns of a frame: 0–2 the root's vector of rotation, 3–65 those of 21 joints, 66–158 hands and jaw, 159–308 the face,
+# 309–311 the place, 312–321 the shape.
+
+MOTION_X_WIDTH = 322
+MOTION_X_FPS = 30.0
+"""Of the data set [1/s]."""
+
+
+def is_motion_x(header: FileHeader) -> bool:
+    """Whether an array is as wide as the rows."""
+    return len(header.shape) == 2 and header.shape[1] == MOTION_X_WIDTH
+
+
+def read_motion_x(path: Path, request: Request) -> Capture:
+    """Read the rotations of the body, its place and its shape.
+
+    Raises:
+        MotionError: not (T, 322) finite numbers.
+    """
+    rows = load_arrays(path)["positions"]
+    if rows.ndim != 2 or rows.shape[1] != MOTION_X_WIDTH or not len(rows) or rows.dtype.kind not in "fiu":
+        raise MotionError(f"expected rows (T, {MOTION_X_WIDTH}), got {rows.dtype} {rows.shape}", path)
+    arrays = {"root_orient": rows[:, :3], "pose_body": rows[:, 3:66], "trans": rows[:, 309:312], "betas": rows[:, 312:]}
+    return captured({**arrays, "fps": request.fps or MOTION_X_FPS}, path, request)
