@@ -17,7 +17,7 @@ from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import read_motion
 from robot_retarget.human.recognition import recognise
 from robot_retarget.human.skeleton import backward
-from robot_retarget.papers.body import table_one_body
+from robot_retarget.papers.skeletal import table_one_body
 
 CLIPS = ("wave", "clap", "hips_and_bow", "squat", "walk")
 STANDING_CLIPS = CLIPS[:-1]

@@ -13,7 +13,7 @@ from robot_retarget.papers.edges import BONE, POSTURE, SEPARATION, SMOOTHNESS, P
 from robot_retarget.papers.evaluation import distances
 from robot_retarget.papers.points import Animated, PointGraph
 from robot_retarget.papers.skeletal import SkeletalStructure
-from robot_retarget.papers.solution import PointSolution
+from robot_retarget.papers.solvers import PointSolution
 
 
 def empty(vertices: Sequence[str], animation: ArrayLike) -> tuple[PointGraph, Floats]:

@@ -3,15 +3,16 @@
 The objectives are those of `objective`. All of them are unchanged by translation, rotation and reflection.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from robot_retarget.base.arrays import Floats
-from robot_retarget.graph.track import FLOOR, Objective, edge_terms
-from robot_retarget.papers.edges import Edges
-from robot_retarget.papers.incidence import Incidence, incidence
+from robot_retarget.base.errors import GraphError
+from robot_retarget.graph.track import FLOOR, FRAME, Objective, edge_terms
+from robot_retarget.papers.edges import Edges, Incidence, incidence
 from robot_retarget.papers.points import PointGraph
 
 
@@ -127,3 +128,125 @@ def gradient(graph: PointGraph, realization: ArrayLike, objective: Objective = O
     checked = graph.checked(realization)
     _, slope = value_and_gradient(operator(graph), intervals_of(graph.edges), objective, rows(checked))
     return slope[:, :, 0].reshape(checked.shape)
+
+
+# A graph as functions of the coordinates: one column for the whole animation, or one per frame.
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """σ(X) with the interval variables eliminated: z is X, (N·K, B)."""
+
+    inc: Incidence
+    bounds: Intervals
+    objective: Objective
+    dimension: int
+
+    def __call__(self, z: Floats) -> tuple[Floats, Floats]:
+        x = z.reshape(-1, self.dimension, z.shape[1])
+        value, slope = value_and_gradient(self.inc, self.bounds, self.objective, x)
+        return value, slope.reshape(z.shape)
+
+    def take(self, columns: NDArray[np.int64]) -> "Reduced":
+        return Reduced(self.inc, taken(self.bounds, columns), self.objective, self.dimension)
+
+
+@dataclass(frozen=True)
+class Explicit:
+    """σ(X, y) = Σ share(d − y) with a variable y within [lower, upper] per edge: z stacks X and y, (N·K + E, B)."""
+
+    inc: Incidence
+    bounds: Intervals
+    objective: Objective
+    dimension: int
+
+    def __call__(self, z: Floats) -> tuple[Floats, Floats]:
+        edges = len(self.bounds.lower)
+        x = z[:-edges].reshape(-1, self.dimension, z.shape[1])
+        r, k = self.inc.differences(x)
+        distance, y = lengths(r), z[-edges:]
+        share, slope, _ = edge_terms(self.objective, distance - y, y, self.bounds.priority, self.bounds.huber_delta)
+        r *= (slope / np.where(distance > 0, distance, np.inf))[:, None]
+        pull = self.inc.gather(r, k).reshape(len(z) - edges, -1)
+        return share.sum(0), np.concatenate([pull, -slope])
+
+    def take(self, columns: NDArray[np.int64]) -> "Explicit":
+        return Explicit(self.inc, taken(self.bounds, columns), self.objective, self.dimension)
+
+
+@dataclass(frozen=True)
+class Lifted:
+    """σ(X) in more dimensions than K, plus `weight` times the squared coordinates beyond the first K.
+
+    Two points that must pass through each other in K dimensions can pass around each other in K + 2.
+    """
+
+    stress: Reduced
+    """Stress over the lifted points."""
+    kept: int
+    """K."""
+    weight: float
+
+    def __call__(self, z: Floats) -> tuple[Floats, Floats]:
+        value, slope = self.stress(z)
+        out = z.reshape(-1, self.stress.dimension, z.shape[1])[:, self.kept :]
+        slope = slope.reshape(-1, self.stress.dimension, z.shape[1])
+        slope[:, self.kept :] += 2.0 * self.weight * out
+        return value + self.weight * (out**2).sum((0, 1)), slope.reshape(z.shape)
+
+    def take(self, columns: NDArray[np.int64]) -> "Lifted":
+        """Return the stress of some of the realizations."""
+        return Lifted(self.stress.take(columns), self.kept, self.weight)
+
+
+def taken(bounds: Intervals, columns: NDArray[np.int64] | slice) -> Intervals:
+    """Return the intervals of some realizations.
+
+    Args:
+        bounds: (E, B) or (E, 1).
+        columns: which of the B realizations.
+    """
+    if bounds.lower.shape[1] == 1:  # shared by every column
+        return bounds
+    return replace(
+        bounds, lower=bounds.lower[:, columns], upper=bounds.upper[:, columns], priority=bounds.priority[:, columns]
+    )
+
+
+def box_of(graph: PointGraph, x: Floats) -> tuple[Floats, Floats]:
+    """The box of every coordinate (T, V, K), closed on the start where the vertex is fixed.
+
+    Args:
+        x: (T, V, K) coordinates [m].
+    """
+    held = graph.fixed[:, :, None]
+    return np.where(held, x, graph.box_lower), np.where(held, x, graph.box_upper)
+
+
+def by_frame(graph: PointGraph) -> tuple[PointGraph, Intervals]:
+    """Return the edge pattern of one frame and its intervals (E, T), a column a frame; boxes stay with the caller.
+
+    Frames may miss edges of the pattern: there the priority is 0.
+
+    Raises:
+        GraphError: an edge joins two frames (it is named).
+    """
+    for track in graph.tracks:
+        if track.stencil != FRAME:
+            raise GraphError(f"edge {track.edge_name(0)} joins two frames; they cannot be solved apart")
+    first = graph.at_frame(0)
+    pattern = replace(first, tracks=tuple(replace(track, priority=np.ones((1, len(track)))) for track in first.tracks))
+    lower, upper = (np.concatenate([getattr(track, name).T for track in graph.tracks]) for name in ("lower", "upper"))
+    priority = np.concatenate([(track.priority / track.scale**2).T for track in graph.tracks])
+    return pattern, Intervals(lower, upper, priority, intervals_of(pattern.edges).huber_delta)
+
+
+def blocks(count: int, size: int) -> Iterator[slice]:
+    """Slices of at most `size` that cover `range(count)`.
+
+    Args:
+        count: number of columns.
+        size: largest number in a block.
+    """
+    for first in range(0, count, size):
+        yield slice(first, min(first + size, count))

@@ -17,11 +17,10 @@ from numpy.typing import ArrayLike
 
 from robot_retarget.base.arrays import Floats, Ints, frozen
 from robot_retarget.graph.track import Objective
-from robot_retarget.papers.columns import Reduced, box_of
-from robot_retarget.papers.evaluation import intervals_of, operator
+from robot_retarget.papers.evaluation import Reduced, box_of, intervals_of, operator
 from robot_retarget.papers.points import PointGraph
 from robot_retarget.papers.rigidity import rigidity_matrix
-from robot_retarget.papers.solution import PointSolution
+from robot_retarget.papers.solvers import PointSolution
 from robot_retarget.papers.spectral import Single, Spectral, minimise
 
 

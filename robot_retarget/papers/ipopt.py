@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import GraphError
 from robot_retarget.graph.track import FLOOR, Objective, Status
-from robot_retarget.papers.columns import box_of
 from robot_retarget.papers.edges import BONE, SEPARATION, Edges, PointKind
-from robot_retarget.papers.evaluation import operator, rows
+from robot_retarget.papers.evaluation import box_of, operator, rows
 from robot_retarget.papers.points import PointGraph
 from robot_retarget.papers.spectral import Minimum
 

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from robot_retarget.base.arrays import Floats, Ints
 from robot_retarget.graph.track import Objective, Status, edge_terms
-from robot_retarget.papers.columns import box_of
-from robot_retarget.papers.evaluation import intervals_of, lengths, operator
+from robot_retarget.papers.evaluation import box_of, intervals_of, lengths, operator
 from robot_retarget.papers.points import PointGraph
 from robot_retarget.papers.spectral import Minimum
 

@@ -2,21 +2,105 @@
 
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from robot_retarget.base.arrays import Floats, frozen
 from robot_retarget.base.errors import UsageError
-from robot_retarget.graph.track import Objective
-from robot_retarget.papers.columns import Explicit, Reduced, blocks, box_of, by_frame, taken
-from robot_retarget.papers.evaluation import Intervals, intervals_of, lengths, operator
-from robot_retarget.papers.incidence import Incidence
+from robot_retarget.graph.graph import EdgeError
+from robot_retarget.graph.track import Objective, Status
+from robot_retarget.papers.edges import Incidence
+from robot_retarget.papers.evaluation import (
+    Explicit,
+    Intervals,
+    Reduced,
+    blocks,
+    box_of,
+    by_frame,
+    distances,
+    errors,
+    intervals_of,
+    lengths,
+    operator,
+    relative_errors,
+    stress,
+    taken,
+)
 from robot_retarget.papers.ipopt import Ipopt, constrain
 from robot_retarget.papers.newton import Newton, descend
 from robot_retarget.papers.points import PointGraph
-from robot_retarget.papers.solution import PointSolution
 from robot_retarget.papers.spectral import Minimum, Spectral, minimise
+
+# The result of a solver of points: the realization, the reason that it stopped, and measures of its quality.
+
+
+@dataclass(frozen=True, eq=False)
+class PointSolution:
+    """A realization of a graph of points, and how it was found."""
+
+    graph: PointGraph
+    positions: Floats
+    """(T, V, K) [m]."""
+    objective: Objective
+    statuses: tuple[Status, ...]
+    """One, or one per frame where the frames were solved apart."""
+    iterations: tuple[int, ...]
+    """As `statuses`."""
+    history: tuple[float, ...]
+    """σ after each iteration; the sum where the frames were solved apart."""
+    seconds: float
+    """Wall time [s]."""
+    method: str
+
+    @property
+    def status(self) -> Status:
+        """The worst of the statuses."""
+        return max(self.statuses, key=list(Status).index)
+
+    @property
+    def converged(self) -> bool:
+        """Whether every frame ended at a stationary point."""
+        return self.status is Status.CONVERGED
+
+    @cached_property
+    def stress(self) -> float:
+        """σ of the objective that was minimised."""
+        return stress(self.graph, self.positions, self.objective)
+
+    @cached_property
+    def errors(self) -> Floats:
+        """(E,) signed error of every edge [m]."""
+        return errors(self.graph, self.positions)
+
+    @cached_property
+    def relative_errors(self) -> Floats:
+        """(E,) relative error of every edge."""
+        return relative_errors(self.graph, self.positions)
+
+    @property
+    def mean_error(self) -> float:
+        """MDE, the mean relative error over the edges."""
+        return float(self.relative_errors.mean()) if len(self.errors) else 0.0
+
+    @property
+    def largest_error(self) -> float:
+        """LDE, the largest relative error over the edges."""
+        return float(self.relative_errors.max(initial=0.0))
+
+    def costliest(self, count: int = 8) -> list[EdgeError]:
+        """Return the edges with the largest stress over all frames, each at its worst frame."""
+        measured, first = {}, 0
+        d = distances(self.graph, self.positions)
+        for track in self.graph.tracks:
+            present = track.present
+            values = np.clip(np.zeros(present.shape), track.lower, track.upper)
+            values[present] = d[first : first + int(present.sum())]
+            measured[track.name], first = values, first + int(present.sum())
+        return self.graph.costliest(measured, count)
+
 
 _BATCH = 128
 """Frames solved side by side: their edges stay in the processor's cache."""
@@ -152,4 +236,54 @@ def _solution(
         history=tuple(float(value) for value in padded.sum(axis=0)),
         seconds=time.perf_counter() - began,
         method=method,
+    )
+
+
+# Frame by frame, the future unknown: the setting the interaction distance was made for [Mucherino2019, §5].
+
+
+def solve_causally(
+    graph: PointGraph,
+    animation: ArrayLike,
+    options: Spectral | Newton | None = None,
+    objective: Objective = Objective.SQUARED,
+    *,
+    window: int = 4,
+) -> PointSolution:
+    """Solve one frame after the other, each from the frames before it, which stay as they were solved.
+
+    Frame t sees the edges of G[V × {t − window + 1 … t}]; it starts from its predecessor moved on by its last step.
+
+    Args:
+        graph: the instance over all frames.
+        animation: (T, V, K) [m]; its first `window − 1` frames and fixed vertices are kept, the others not read.
+        options: of the solver.
+        objective: one of the smooth ones.
+        window: frames looked at, 2 … T.
+
+    Raises:
+        UsageError: the window is too short or longer than the animation.
+    """
+    if not 2 <= window <= graph.frames:
+        raise UsageError(f"window must be 2 … {graph.frames} frames, got {window}")
+    x, everyone = graph.checked(animation), np.arange(len(graph.vertices))
+    began, found = time.perf_counter(), []
+    for frame in range(window - 1, graph.frames):
+        part = graph.induced(everyone, frame - window + 1, frame)
+        held = part.fixed.copy()
+        held[:-1] = True
+        ahead = 2.0 * x[frame - 1] - x[frame - 2] if frame > 1 else x[frame - 1]
+        x[frame] = np.where(held[-1][:, None], x[frame], ahead)
+        solution = solve(replace(part, fixed=held), x[frame - window + 1 : frame + 1], options, objective)
+        x[frame] = solution.positions[-1]
+        found.append(solution)
+    return PointSolution(
+        graph=graph,
+        positions=frozen(x),
+        objective=objective,
+        statuses=tuple(solution.status for solution in found),
+        iterations=tuple(solution.iterations[0] for solution in found),
+        history=tuple(solution.stress for solution in found),
+        seconds=time.perf_counter() - began,
+        method=f"{found[0].method}, frame by frame",
     )

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.skeleton import Skeleton, backward, forward
-from robot_retarget.papers.body import table_one_body
+from robot_retarget.papers.skeletal import table_one_body
 
 SIDES = {"Right": -1.0, "Left": 1.0}
 UP, FORWARD = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])

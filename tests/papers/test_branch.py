@@ -28,7 +28,7 @@ from robot_retarget.papers import (
     solve,
     table_one_body,
 )
-from robot_retarget.papers.spheres import intersect
+from robot_retarget.papers.branch import intersect
 
 RNG = np.random.default_rng(13)
 

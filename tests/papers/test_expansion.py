@@ -12,7 +12,7 @@ from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.human.read import read_motion
 from robot_retarget.papers import Newton, distances, solve, stress
-from robot_retarget.papers.expansion import expanded, printed_stress
+from robot_retarget.papers.points import expanded, printed_stress
 from robot_retarget.robot import load_robot, world_points
 from robot_retarget.solver.solve import solve_graph
 

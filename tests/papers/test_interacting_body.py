@@ -6,7 +6,7 @@ from scipy.spatial.distance import pdist, squareform
 
 from robot_retarget.base.errors import UsageError
 from robot_retarget.papers import Blend, Interaction, Newton, Spectral, adapt, solve, stress, table_one_body
-from robot_retarget.papers.body import ARMS, resized
+from robot_retarget.papers.skeletal import ARMS, resized
 
 AHEAD = Interaction(6, dead_band=1e-4)
 
