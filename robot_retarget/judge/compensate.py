@@ -12,20 +12,180 @@ import copy
 import mujoco
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.ndimage import gaussian_filter1d
+from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from robot_retarget.actuators.goals import Goals
 from robot_retarget.base.arrays import Floats
-from robot_retarget.judge.goals import Playback, settled
-from robot_retarget.judge.grasp import grasp_pushes
+from robot_retarget.judge.bodies import SimulatedBodies
 from robot_retarget.judge.plant import Mode, Plant, limb_inertia
-from robot_retarget.judge.torque_limited_reference import torque_limited_reference
+from robot_retarget.judge.playback import Playback, settled
 from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.dynamics import ground_push
 from robot_retarget.robot.model import FREE
 from robot_retarget.robot.support import feet_of
 from robot_retarget.trajectory import Trajectory
+
+# The nearest motion that a servo can follow: its torque stays within the bound over the whole clip.
+#
+#     minimise ½ ‖y‖²   subject to   −b − τ ≤ A y ≤ b − τ,      A = J D₂ + d D₁
+#
+# for the change y of one joint's angles over all samples; τ is the torque of the given motion, A y the torque added by the
+# change. A servo at its limit then starts early and arrives late, instead of late only.
+
+ROUNDS = 400
+"""Of the alternating directions; each is two banded multiplications and one banded solution."""
+PENALTY = 2e-3
+"""Of the alternating directions [rad²/(N m)²]: the square of the compliance of a joint of 20 N m/rad."""
+ENOUGH = 1e-5
+"""A change that alters less from round to round is found [rad]."""
+
+
+def torque_limited_reference(torque: Floats, bound: float, inertia: float, damping: float, dt: float) -> Floats:
+    """The change (N,) [rad] of a joint's motion that keeps its torque (N,) [N m] within ± `bound`, at best; 0 at both ends.
+
+    Args:
+        inertia: J, inertia at the joint [kg m²].
+        damping: d [N m s/rad].
+        dt: from sample to sample [s].
+    """
+    count = len(torque)
+    if count < 5 or np.abs(torque).max() <= bound:
+        return np.zeros(count)
+    before, here, after = (
+        inertia / dt**2 - damping / (2 * dt),
+        -2 * inertia / dt**2,
+        inertia / dt**2 + damping / (2 * dt),
+    )
+
+    def add(change: Floats) -> Floats:
+        padded = np.pad(change, 1)
+        return before * padded[:-2] + here * change + after * padded[2:]
+
+    def back(force: Floats) -> Floats:
+        padded = np.pad(force, 1)
+        return before * padded[2:] + here * force + after * padded[:-2]
+
+    factor = (cholesky_banded(_normal(before, here, after, count), lower=True), True)
+    least, most = -bound - torque, bound - torque
+    change, dual = np.zeros(count), np.zeros(count)
+    allowed = np.clip(0.0, least, most)
+    for _ in range(ROUNDS):
+        last = change
+        change = cho_solve_banded(factor, PENALTY * back(allowed - dual))
+        added = 1.6 * add(change) - 0.6 * allowed
+        allowed = np.clip(added + dual, least, most)
+        dual += added - allowed
+        if np.abs(change - last).max() < ENOUGH:
+            break
+    return change
+
+
+def _normal(before: float, here: float, after: float, count: int) -> Floats:
+    """I + ρ AᵀA as lower bands, the corners as in the middle: both ends are at rest anyway."""
+    bands = np.zeros((3, count))
+    bands[0] = 1 + PENALTY * (before**2 + here**2 + after**2)
+    bands[1] = PENALTY * (before * here + here * after)
+    bands[2] = PENALTY * before * after
+    return bands
+
+
+# Grasp: the forces by which a robot holds free bodies.
+#
+# A free body needs the wrench w = M a − g of its path. What touches it pushes it by forces within friction pyramids:
+#
+#     minimise  ‖Σ J_cᵀ f_c − w‖² + β² Σ_l (Σ_{c ∈ l} f_c − P)² + ε² ‖f‖²,    f within the pyramids,
+#
+# with a squeeze P of every link l of the robot. It is an internal force where links press against each other through the body, and vanishes
+# where a single link touches. The pyramids are narrower than those of the contacts by `GRIP`.
+
+GRIP = 0.5
+"""Share of the friction that a grasp counts on [-]."""
+SQUEEZE = 0.05
+"""P over the weight of the robot [-]: position servos yield to it by millimetres, as much as they err, and weak arms are not bent by it."""
+TOUCH = 0.003
+"""Surfaces of a plan this near to each other touch [m]."""
+SLIDING = 0.02
+"""A contact whose surfaces slide faster in the plan holds nothing: a hand on its way to its place [m/s]."""
+PRESSED = 0.05
+"""β, weight of the squeeze against the residual wrench of a body [-]."""
+EVENNESS = 1e-3
+"""ε, weight of contact forces [N] against the residual wrench of a body [N, N m]."""
+RISE = 0.06
+"""Standard deviation of the time in which forces rise and fall [s]."""
+
+
+def grasp_pushes(plant: Plant, states: Floats, velocities: Floats, accelerations: Floats, rate: float) -> Floats:
+    """Return (N, nv) generalised forces of the contacts that hold the free bodies; 0 without any.
+
+    Args:
+        plant: the robot among bodies.
+        states: (N, nq) configurations of its model.
+        velocities: (N, nv).
+        accelerations: (N, nv).
+        rate: states per second [1/s].
+    """
+    pushes = np.zeros(velocities.shape)
+    if plant.bodies is None or not plant.bodies.free:
+        return pushes
+    grasp = _Grasp(plant, plant.bodies)
+    for k, state in enumerate(zip(states, velocities, accelerations, strict=True)):
+        pushes[k] = grasp.push(*state)
+    return gaussian_filter1d(pushes, RISE * rate, axis=0, mode="nearest")
+
+
+class _Grasp:
+    """Free bodies of a plant, and what touches them."""
+
+    def __init__(self, plant: Plant, bodies: SimulatedBodies):
+        self.model = copy.copy(plant.model)
+        self._loose = copy.copy(plant.model)
+        self._loose.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+        self.data = mujoco.MjData(self.model)
+        self._geoms = np.flatnonzero(np.isin(self.model.geom_bodyid, bodies.ids[list(bodies.free)]))
+        self.model.geom_margin[self._geoms] = TOUCH
+        self._dofs = bodies.dofs
+        self._links = plant.robot.model.nbody
+        self._squeeze = SQUEEZE * plant.robot.gravity * float(plant.robot.model.body_mass.sum())
+
+    def push(self, qpos: Floats, qvel: Floats, qacc: Floats) -> Floats:
+        """Return (nv,) generalised force of the contacts in a state."""
+        data = self.data
+        data.qpos[:], data.qvel[:], data.qacc[:] = qpos, qvel, qacc
+        mujoco.mj_inverse(self._loose, data)
+        need = data.qfrc_inverse[self._dofs].copy()
+        mujoco.mj_collision(self.model, data)
+        touching = [self._pyramid(c, qvel) for c in data.contact if np.isin(c.geom, self._geoms).any()]
+        holding = [(link, pyramid) for link, pyramid, speed in touching if speed < SLIDING]
+        if not holding:
+            return np.zeros(self.model.nv)
+        generators = np.hstack([pyramid for _, pyramid in holding])
+        links = np.repeat([link for link, _ in holding], 4)
+        own = np.unique(links[links > 0])
+        squeeze, ridge = PRESSED * (links == own[:, None]), EVENNESS * np.eye(len(links))
+        wanted = np.concatenate([need, np.full(len(own), PRESSED * self._squeeze), np.zeros(len(links))])
+        share, _ = nnls(np.vstack([generators[self._dofs], squeeze, ridge]), wanted)
+        return generators @ share
+
+    def _link(self, contact: mujoco.MjContact) -> int:
+        """Return the link of the robot in a contact; 0 without."""
+        bodies = self.model.geom_bodyid[contact.geom]
+        return int(bodies.min()) if bodies.min() < self._links else 0
+
+    def _pyramid(self, contact: mujoco.MjContact, qvel: Floats) -> tuple[int, Floats, float]:
+        """Return the link of a contact, (nv, 4) generalised forces of the edges of its friction pyramid, and how fast it slides [m/s]."""
+        normal, *tangents = contact.frame.reshape(3, 3)
+        grip = GRIP * contact.friction[0]
+        edges = np.array([normal + sign * grip * way for way in tangents for sign in (-1, 1)])
+        slope, both = np.empty((3, self.model.nv)), np.zeros((3, self.model.nv))
+        for sign, geom in zip((-1, 1), contact.geom, strict=True):
+            mujoco.mj_jac(self.model, self.data, slope, None, contact.pos, int(self.model.geom_bodyid[geom]))
+            both += sign * slope
+        speed = float(np.linalg.norm(np.array(tangents) @ both @ qvel))
+        return self._link(contact), both.T @ edges.T, speed
+
 
 SMOOTHING = 0.02
 """Inverse dynamics uses accelerations averaged over a window of this standard deviation [s]; servos do not follow faster ones."""

@@ -10,30 +10,47 @@ import numpy as np
 
 from robot_retarget.actuators.map import ServoMap
 from robot_retarget.base.arrays import Floats, Ints
-from robot_retarget.base.errors import RobotError
-from robot_retarget.judge.backlash import Places, add_play, places_of
-from robot_retarget.judge.bodies import Objects, SimulatedBodies
+from robot_retarget.judge.bodies import SimulatedBodies
 from robot_retarget.judge.servo_model import Drives
-from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.robot.model import Robot
-from robot_retarget.robot.support import feet_of
-from robot_retarget.scene.geoms import add_bodies, add_floor_of_bodies
+from robot_retarget.scene.geoms import PREFIX
 from robot_retarget.scene.ground import SolidGround
-from robot_retarget.scene.scene import Scene
 
 Mode = Literal["pinned", "free"]
 
-FULL_TORQUE_ERROR = 0.2
-"""An added servo pulls with all its torque at this error [rad]; an XM430 at its default gain does at 0.217."""
-OPEN_STIFFNESS = 20.0
-"""Where no torque bound is known, an added servo swings its limb at this rate without damping [rad/s]."""
-DAMPING_RATIO = 0.7
-"""Damping of an added servo, as a part of critical."""
-HARD = 0.004
-"""Time constant of a sole's contact with the floor [s]; MuJoCo's default of 0.02 is a cushion."""
-HEAVY = 1e6
-"""A held root is this many times as heavy as the robot: limbs cannot move it, gravity cannot let it fall."""
+PLAY = "play of "
+"""Names of the passive hinges begin with this."""
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Where a plant's model has the robot's coordinates: in the robot's order, with P play angles between them."""
+
+    qpos: Ints
+    """(nq,) indices of the robot's configuration in the model's."""
+    dofs: Ints
+    """(nv,) indices of the robot's velocities in the model's."""
+    loose: Ints
+    """(P,) indices of the hinges with play in the robot's configuration; P is 0 or n."""
+    play: Ints
+    """(P,) ids of the passive hinges in the model ..."""
+    play_qpos: Ints
+    """... and their indices in the model's configuration."""
+    rest: Floats
+    """The model's reference configuration: play in the middle, free bodies of a scene where they begin."""
+
+    def model_qpos(self, qpos: Floats) -> Floats:
+        """Return configurations (…, nq) of the robot as those of the model, with the play in the middle."""
+        found = np.tile(self.rest, (*np.shape(qpos)[:-1], 1))
+        found[..., self.qpos] = qpos
+        return found
+
+    def configuration(self, states: Floats) -> Floats:
+        """Return configurations of the model as those of the robot (…, nq): the angle of a joint is that of its shaft plus its play."""
+        found = states[..., self.qpos]
+        found[..., self.loose] += states[..., self.play_qpos]
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +136,7 @@ class Plant:
     def with_drives(self, drives: Drives) -> "Plant":
         """Return the plant with the gears and rotors of other drives; their motors are the same."""
         model = copy.copy(self.model)
-        _set_mechanics(model, self.dofs, drives)
+        set_mechanics(model, self.dofs, drives)
         return replace(self, model=model, drives=drives)
 
     def controls(self, goals: Floats) -> Floats:
@@ -157,136 +174,25 @@ class Plant:
         return leads
 
 
-def build_plant(
-    robot: Robot,
-    mode: Mode,
-    drives: Drives | None = None,
-    backlash: float = 0.0,
-    scene: Scene | None = None,
-    objects: Objects = "carried",
-) -> Plant:
-    """Compile the robot's MJCF for physics.
-
-    With `drives` every hinge gets that servo instead of the actuator, damping, friction and armature of the model.
-    Without, the model's position servos are kept; a hinge without one gets one, with gains from its torque bound or its limb's
-    inertia, unless gears or closed chains move it (`robot/coupling.py`). Every other actuator, all sensors and keyframes are removed.
-    `free` adds a floor where the scene has none; `pinned` takes the scene out of reach and makes the root immovable.
-    `backlash` puts a play between every hinge and its link, either way [rad]. The bodies of a `scene` are solid; `objects`
-    states whether those that move are carried along their path or free.
-
-    Raises:
-        RobotError: the MJCF no longer compiles to the robot that was loaded, or a body has several hinges and backlash.
-        UsageError: the backlash is out of bounds.
-    """
-    try:
-        spec = robot.spec()
-        kept = _strip(spec, robot, keep=drives is None)
-        added = _add_servos(spec, robot, kept) if drives is None else _add_drives(spec, robot, drives)
-        floor = mode == "free" and _add_floor(spec, robot)
-        add_play(spec, robot, backlash)
-        if scene is not None:
-            add_bodies(spec, scene, objects == "free")
-            if mode == "pinned":
-                add_floor_of_bodies(spec)
-        model = spec.compile()
-    except ValueError as error:
-        raise RobotError(f"{robot.path}: cannot be prepared for simulation: {' '.join(str(error).split())}") from error
-    places = places_of(model, robot)
-    if len(places.qpos) != robot.model.nq:
-        raise RobotError(f"{robot.path}: has {len(places.qpos)} coordinates now, {robot.model.nq} when it was loaded")
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-    dofs = places.dofs[robot.dof_index]
-    if drives is not None:
-        _set_mechanics(model, dofs, drives)
-    if mode == "pinned":
-        _hold_root(model, places.dofs[root_dofs(robot)])
-        _leave_scene(model)
-    else:
-        _harden_floor(model, robot)
-    servos = np.full(len(robot.joint_names), -1)
-    place = {int(j): k for k, j in enumerate(model.dof_jntid[dofs])}
-    for actuator in range(model.nu):
-        servos[place[int(model.actuator_trnid[actuator, 0])]] = actuator
-    remarks = list(drives.notes) if drives is not None else []
-    if mode == "free" and not feet_of(robot).names:
-        remarks.append("no feet are recognised: the bodies that touch the floor first may stand on it")
-    if backlash:
-        remarks.append(f"backlash of ±{np.degrees(backlash):.3g}° in every joint")
-    bodies = None if scene is None else SimulatedBodies(scene, model)
-    if bodies is not None:
-        bodies.touch(robot)
-    return Plant(robot, model, servos, (*remarks, *_notes(robot, servos, added, floor)), drives, bodies)
-
-
-def _strip(spec: mujoco.MjSpec, robot: Robot, keep: bool) -> set[int]:
-    """Leave one position servo per hinge if they are to be kept, and no other actuator; the joints that have one."""
-    model, served = robot.model, set()
-    for actuator, element in enumerate(list(spec.actuators)):
-        joint = int(model.actuator_trnid[actuator, 0])
-        if keep and _is_servo(model, actuator) and joint in robot.joint_ids and joint not in served:
-            served.add(joint)
-        else:
-            spec.delete(element)
-    for element in [*spec.sensors, *spec.keys]:
-        spec.delete(element)
-    return served
-
-
-def _is_servo(model: mujoco.MjModel, actuator: int) -> bool:
-    """Whether an actuator pulls a joint towards its control: constant gain, and a bias that opposes the position."""
-    return bool(
-        model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_JOINT
-        and model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_FIXED
-        and model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_AFFINE
-        and model.actuator_gainprm[actuator, 0] > 0
-        and model.actuator_biasprm[actuator, 1] < 0
-    )
-
-
-def _add_servos(spec: mujoco.MjSpec, robot: Robot, served: set[int]) -> list[str]:
-    """Put servos on the hinges without one; their names."""
-    model = robot.model
-    actuated = set(model.actuator_trnid[model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT, 0].tolist())
-    mechanism = Coupling(robot).present
-    bare = [k for k, j in enumerate(robot.joint_ids) if j not in served and (j in actuated or not mechanism)]
-    if not bare:
-        return []
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST  # Euler leaves a servo's damping explicit
-    inertia = limb_inertia(robot)
-    joints = list(spec.joints)
-    for k in bare:
-        joint = joints[robot.joint_ids[k]]
-        joint.name = joint.name or robot.joint_names[k]
-        torque = float(robot.max_torque[k])
-        stiffness = torque / FULL_TORQUE_ERROR if np.isfinite(torque) else inertia[k] * OPEN_STIFFNESS**2
-        servo = spec.add_actuator(name=f"servo of {joint.name}", target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        servo.set_to_position(kp=stiffness, kv=2 * DAMPING_RATIO * np.sqrt(stiffness * inertia[k]))
-        if np.isfinite(torque):
-            servo.forcerange = [-torque, torque]
-            servo.forcelimited = True
-    return [robot.joint_names[k] for k in bare]
-
-
-def _add_drives(spec: mujoco.MjSpec, robot: Robot, drives: Drives) -> list[str]:
-    """Put the servos of `drives` on all hinges: clip(k_p (u − q) − k_d ω, ±τ_stall)."""
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    joints = list(spec.joints)
-    for k, j in enumerate(robot.joint_ids):
-        joint, bound = joints[j], drives.stall_torque[k]
-        joint.name = joint.name or robot.joint_names[k]
-        joint.actfrclimited, joint.springdamper = False, [0, 0]
-        servo = spec.add_actuator(name=f"servo of {joint.name}", target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        servo.set_to_position(kp=drives.stiffness[k], kv=drives.derivative[k])
-        servo.forcerange, servo.forcelimited = [-bound, bound], True
-    return []
-
-
-def _set_mechanics(model: mujoco.MjModel, dofs: Ints, drives: Drives) -> None:
+def set_mechanics(model: mujoco.MjModel, dofs: Ints, drives: Drives) -> None:
     """What turns with the shafts: the back-EMF acts beyond the clip of the duty, so it is a damping of the joint."""
     model.dof_damping[dofs] = drives.back_emf + drives.damping
     model.dof_frictionloss[dofs] = drives.friction
     model.dof_armature[dofs] = drives.armature
     mujoco.mj_setConst(model, mujoco.MjData(model))
+
+
+def places_of(model: mujoco.MjModel, robot: Robot) -> Places:
+    """Find the robot's coordinates in a model with or without passive hinges and free bodies of a scene."""
+    names = [model.joint(j).name for j in range(model.njnt)]
+    passive = np.array([name.startswith(PLAY) for name in names], dtype=bool)
+    added = passive | np.array([name.startswith(PREFIX) for name in names], dtype=bool)
+    joint_of = np.searchsorted(model.jnt_qposadr, np.arange(model.nq), side="right") - 1
+    play = np.flatnonzero(passive)
+    return Places(
+        np.flatnonzero(~added[joint_of]), np.flatnonzero(~added[model.dof_jntid]),
+        robot.qpos_index if play.size else np.zeros(0, np.int64), play, model.jnt_qposadr[play].astype(np.int64), np.array(model.qpos0),
+    )  # fmt: skip
 
 
 def limb_inertia(robot: Robot, model: mujoco.MjModel | None = None) -> Floats:
@@ -299,50 +205,3 @@ def limb_inertia(robot: Robot, model: mujoco.MjModel | None = None) -> Floats:
     for column, unit in zip(columns, np.eye(chosen.nv), strict=True):
         mujoco.mj_mulM(chosen, data, column, unit)
     return np.diag(columns)[places.dofs[robot.dof_index]]
-
-
-def _add_floor(spec: mujoco.MjSpec, robot: Robot) -> bool:
-    """A plane z = 0 where the scene has no plane or height field."""
-    flat = (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD)
-    if np.isin(robot.model.geom_type, flat).any():
-        return False
-    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.05], contype=1, conaffinity=0xFFFF)
-    return True
-
-
-def _harden_floor(model: mujoco.MjModel, robot: Robot) -> None:
-    """Soles on the floor settle within `HARD`: on a softer contact a foot creeps along under no more than its servos' jolts."""
-    own = np.isin(model.geom_bodyid, [0, *feet_of(robot).all_bodies])
-    soft = own & (model.geom_solref[:, 0] > HARD)
-    model.geom_solref[soft] = HARD, 1.0
-
-
-def _hold_root(model: mujoco.MjModel, root: Ints) -> None:
-    """Make the root immovable; the constraint solver stops at an improvement that its weight does not hide."""
-    model.dof_armature[root] = HEAVY * model.body_mass.sum()
-    model.opt.tolerance /= HEAVY
-    mujoco.mj_setConst(model, mujoco.MjData(model))
-
-
-def _leave_scene(model: mujoco.MjModel) -> None:
-    """Nothing of the world touches the robot any more, be it by masks or by listed pairs."""
-    scene = np.flatnonzero(model.geom_bodyid == 0)
-    model.geom_contype[scene] = model.geom_conaffinity[scene] = 0
-    listed = np.isin(model.pair_geom1, scene) | np.isin(model.pair_geom2, scene)
-    model.pair_margin[listed] = -1e6
-
-
-def _notes(robot: Robot, servos: Ints, added: list[str], floor: bool) -> list[str]:
-    notes = []
-    if added:
-        which = "every joint" if len(added) == len(servos) else ", ".join(added)
-        notes.append(
-            f"the model has no position servo on {which}: added with full torque at {FULL_TORQUE_ERROR} rad, or "
-            f"{OPEN_STIFFNESS:g} rad/s on the limb's inertia where no torque bound is known, damping ratio {DAMPING_RATIO}"
-        )
-    loose = [robot.joint_names[k] for k in np.flatnonzero(servos < 0)]
-    if loose:
-        notes.append(f"left to the model's gears and closed chains: {', '.join(loose)}")
-    if floor:
-        notes.append("the model has no floor: a plane z = 0 added")
-    return notes

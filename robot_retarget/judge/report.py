@@ -15,7 +15,7 @@ from robot_retarget.base.files import MODELS, write_text
 from robot_retarget.base.pages import card, data_frame
 from robot_retarget.base.untrusted.documents import FORMAT_VERSION, SEAL, content_sha256, read_json, sealed
 from robot_retarget.collision.warn import Warnings
-from robot_retarget.judge.feedback_figures import feedback_figures
+from robot_retarget.judge.feedback import feedback_figures
 from robot_retarget.judge.figures import (
     Tracking,
     at_frames,
@@ -28,17 +28,57 @@ from robot_retarget.judge.figures import (
     rollout_figures,
     tracking_figures,
 )
-from robot_retarget.judge.kept_contacts import contact_figures
 from robot_retarget.judge.plant import Mode, Plant
-from robot_retarget.judge.stance import stance_figures, stance_of
-from robot_retarget.judge.stepping import Rollout
-from robot_retarget.judge.thresholds import Thresholds
-from robot_retarget.judge.verdict import Badge, badge_of, judge, unlikeness
-from robot_retarget.judge.warning_score import touches, warning_score
+from robot_retarget.judge.playback import Rollout
+from robot_retarget.judge.stance import contact_figures, stance_figures, stance_of
+from robot_retarget.judge.verdict import Badge, Thresholds, badge_of, judge, unlikeness
 from robot_retarget.robot.contacts import Contacts
 from robot_retarget.robot.dynamics import Stance, planned_stance
+from robot_retarget.robot.model import Robot
 from robot_retarget.robot.support import feet_of
 from robot_retarget.trajectory import Trajectory
+
+# Score of the warnings: contacts on the servos that were predicted, and warnings that came true.
+
+APART = 0.1
+"""Touches of a pair this long after one another are two contacts [s]."""
+LATE = 0.25
+"""Largest delay of a contact after the end of its warning, because servos lag [s]."""
+
+
+def warning_score(warnings: Warnings, contacts: Contacts, times: np.ndarray, robot: Robot) -> dict[str, Any]:
+    """Count contacts (self-contacts `contacts` at `times` of their frames) and warnings against each other."""
+    happened = touches(contacts, times, robot)
+    links = {robot.model.body(body).name for body in range(robot.model.nbody)}
+    events = [
+        event for event in warnings.events if links.issuperset(event.pair)
+    ]  # bodies of a scene are no self-contact
+    warned = [(frozenset(e.pair), e.first_warning / warnings.fps, e.last / warnings.fps) for e in events]
+    leads, fulfilled = [], set()
+    for pair, start in happened:
+        before = [k for k, (p, since, last) in enumerate(warned) if p == pair and since <= start <= last + LATE]
+        fulfilled |= set(before)
+        if before:
+            leads.append(start - warned[before[0]][1])
+    return {
+        "warnings": len(warned),
+        "warnings_fulfilled": len(fulfilled),
+        "tracked_contacts": len(happened),
+        "tracked_contacts_foreseen": len(leads),
+        "median_lead_s": round(float(np.median(leads)), 4) if leads else None,
+    }
+
+
+def touches(contacts: Contacts, times: np.ndarray, robot: Robot) -> list[tuple[frozenset[str], float]]:
+    """Each contact of two links with the time of its beginning, in order; links as the warnings name them."""
+    model, found = robot.model, []
+    for first, second in sorted(contacts.pairs()):
+        pair = frozenset(model.body(int(model.body_weldid[body])).name for body in (first, second))
+        at = np.unique(times[contacts.of((contacts.bodies == (first, second)).all(1)).frame])
+        at = at[at >= 0]
+        starts = at[np.diff(at, prepend=-np.inf) > APART]
+        found += [(pair, float(start)) for start in starts]
+    return sorted(found, key=lambda touch: touch[1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,7 +243,7 @@ def build_report(
         **rollout_figures(rollout, robot, until),
         **contact_figures(plant.bodies, rollout, robot, trajectory, until),
         **fall,
-        **feedback_figures(rollout, robot.joint_names, until),
+        **feedback_figures(rollout.added, rollout.stopped, rollout.times, robot.joint_names, until),
         **(stance_figures(stance, until) if free else {}),
         **_foreseen(played, until),
         **trajectory.likeness,

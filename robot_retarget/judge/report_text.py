@@ -4,8 +4,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from robot_retarget.judge.report import Report
-from robot_retarget.judge.thresholds import CHECKS, UNLIKE
-from robot_retarget.judge.units import shown
+from robot_retarget.judge.verdict import CHECKS, UNLIKE, shown
 
 
 class Line(NamedTuple):

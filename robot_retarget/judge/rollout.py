@@ -13,18 +13,17 @@ from robot_retarget.base.progress import Count, Progress
 from robot_retarget.base.untrusted.documents import NAMES
 from robot_retarget.collision.warn import Warnings
 from robot_retarget.judge.bodies import Objects
+from robot_retarget.judge.build import build_plant
 from robot_retarget.judge.compensate import compensated
-from robot_retarget.judge.domain import WORLDS, Draw, drawn
-from robot_retarget.judge.domain import draws as drawn_worlds
 from robot_retarget.judge.feedback import has_feedback, with_feedback
 from robot_retarget.judge.figures import fall_figures
-from robot_retarget.judge.goals import plain_goals
-from robot_retarget.judge.judges import NOMINAL, judges, run_trials, trial_figures, worst_trial
-from robot_retarget.judge.plant import Mode, Plant, build_plant
+from robot_retarget.judge.plant import Mode, Plant
+from robot_retarget.judge.playback import Playback, Rollout, plain_goals, roll_out
 from robot_retarget.judge.report import Report, SimulatedTrajectory, build_report, series_of
 from robot_retarget.judge.servo_model import Drives, drives_of
-from robot_retarget.judge.stepping import Playback, Rollout, roll_out
-from robot_retarget.judge.thresholds import Thresholds
+from robot_retarget.judge.verdict import Thresholds
+from robot_retarget.judge.worlds import NOMINAL, WORLDS, Draw, drawn, judges, run_trials, trial_figures, worst_trial
+from robot_retarget.judge.worlds import draws as drawn_worlds
 from robot_retarget.robot.catalog import on_robot
 from robot_retarget.robot.contacts import replay_contacts
 from robot_retarget.robot.model import Robot

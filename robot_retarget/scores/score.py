@@ -14,13 +14,43 @@ from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import as_motion
 from robot_retarget.robot import Robot
 from robot_retarget.robot.catalog import Retargeted, on_robot
-from robot_retarget.scores.bodies import notes_of
-from robot_retarget.scores.figure import Value
+from robot_retarget.scores import feet, physics, pose
+from robot_retarget.scores.figure import Figure, Measure, Value
 from robot_retarget.scores.pair import body_of, pair_of
-from robot_retarget.scores.soles import soles_of
-from robot_retarget.scores.subject import Subject
-from robot_retarget.scores.table import FIGURES, MEASURES
+from robot_retarget.scores.pose import notes_of
+from robot_retarget.scores.subject import Subject, soles_of
 from robot_retarget.trajectory import Trajectory
+
+# The one table of figures; a new figure is a function with the decorator `measures` and a line here.
+
+MEASURES: tuple[Measure, ...] = (
+    pose.limbs,
+    pose.twist,
+    pose.distances,
+    pose.contacts,
+    pose.touches,
+    pose.kept,
+    physics.self_penetration,
+    feet.skate,
+    feet.ground,
+    physics.limits,
+    physics.speed,
+    physics.jerk,
+    pose.root_path,
+    pose.body_position,
+    feet.penetration,
+    feet.skating,
+    physics.nmr,
+    physics.root,
+    feet.flight,
+    physics.root_residual,
+    physics.torque,
+    feet.zmp,
+    feet.held,
+    physics.extent,
+    physics.physics_score,
+)
+FIGURES: dict[str, Figure] = {figure.name: figure for measure in MEASURES for figure in measure.figures}
 
 
 class Compared(Retargeted, Protocol):

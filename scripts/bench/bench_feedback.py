@@ -33,11 +33,11 @@ from robot_retarget.actuators.map import ServoMap
 from robot_retarget.base.arrays import Bools, Floats
 from robot_retarget.base.errors import ServoError
 from robot_retarget.judge.compensate import compensated
-from robot_retarget.judge.domain import Spread, draws
 from robot_retarget.judge.feedback import with_feedback
 from robot_retarget.judge.figures import fall_figures
 from robot_retarget.judge.plant import Plant
 from robot_retarget.judge.rollout import plant_of, rollouts
+from robot_retarget.judge.worlds import Spread, draws
 from robot_retarget.servo.emulated import emulator_process
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions
 from robot_retarget.servo.plan import goal_plan

@@ -1,7 +1,7 @@
 """Compare the friction of gears with BAM's own simulation: `python scripts/bench/bench_friction.py --bam FOLDER`.
 
 FOLDER holds the package `bam` (`pip install --no-deps --target FOLDER better-actuator-models`, Python 3.12). A pendulum is driven along BAM's four
-trajectories by the servos of BAM's M4 parameters, once by BAM's simulator and once by MuJoCo with `judge/friction.py`. The table has the mean
+trajectories by the servos of BAM's M4 parameters, once by BAM's simulator and once by MuJoCo with `judge/servo_model.py`. The table has the mean
 absolute difference of the angles [mrad], and the same for dry friction alone.
 """
 
@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 from robot_retarget.base.arrays import Floats
-from robot_retarget.judge.friction import GearFriction
+from robot_retarget.judge.servo_model import GearFriction
 
 TRAJECTORIES = ("lift_and_drop", "sin_time_square", "up_and_down", "sin_sin")
 STEP = 0.001

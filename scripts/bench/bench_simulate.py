@@ -17,11 +17,10 @@ import numpy as np
 import robot_retarget as rr
 from robot_retarget.base.files import SAMPLES
 from robot_retarget.judge.compensate import compensated
-from robot_retarget.judge.domain import draws
-from robot_retarget.judge.goals import plain_goals
 from robot_retarget.judge.plant import Mode, Plant
+from robot_retarget.judge.playback import plain_goals, roll_out
 from robot_retarget.judge.rollout import plant_of, rollouts
-from robot_retarget.judge.stepping import roll_out
+from robot_retarget.judge.worlds import draws
 from robot_retarget.trajectory import Trajectory
 
 MODES: tuple[Mode, ...] = ("pinned", "free")

@@ -21,10 +21,9 @@ from robot_retarget.base.arrays import Floats
 from robot_retarget.base.files import SAMPLES
 from robot_retarget.judge.compensate import compensated
 from robot_retarget.judge.figures import at_frames
-from robot_retarget.judge.goals import plain_goals
 from robot_retarget.judge.plant import Mode
+from robot_retarget.judge.playback import plain_goals, roll_out
 from robot_retarget.judge.rollout import plant_of
-from robot_retarget.judge.stepping import roll_out
 from robot_retarget.robot.timing import sample_hinges
 from robot_retarget.servo.emulated import play_emulated
 from robot_retarget.trajectory import Trajectory

@@ -1,7 +1,7 @@
 """Which clips stay upright: `python scripts/bench/bench_upright.py --robots op3 … --clips FILE … --legs auto stand`.
 
 Every clip is brought into balance, simulated free with three seconds of settling before and after, and judged like `run` judges it, against
-the human too. `--draws 20` adds as many drawn simulations of what stays upright (`judge/domain.py`).
+the human too. `--draws 20` adds as many drawn simulations of what stays upright (`judge/worlds.py`).
 Clips are classified by the human's feet. Set OMP_NUM_THREADS=1 to keep to one core.
 """
 
@@ -15,7 +15,7 @@ from robot_retarget.base.errors import BalanceError, MatchError
 from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import MOST_FPS
 from robot_retarget.human.features import features_of
-from robot_retarget.judge.stepping import Playback
+from robot_retarget.judge.playback import Playback
 
 SETTLE = Playback(settle_before=3.0, settle_after=3.0)
 

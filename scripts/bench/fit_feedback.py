@@ -24,13 +24,11 @@ from robot_retarget.actuators.balance_tables import Balance, JointGain
 from robot_retarget.actuators.map import dump_map
 from robot_retarget.base.arrays import Floats
 from robot_retarget.judge.compensate import compensated
-from robot_retarget.judge.domain import Draw, Spread, draws
-from robot_retarget.judge.feedback import with_feedback
-from robot_retarget.judge.feedback_figures import oscillation
-from robot_retarget.judge.goals import Playback
+from robot_retarget.judge.feedback import oscillation, with_feedback
 from robot_retarget.judge.plant import Plant
+from robot_retarget.judge.playback import Playback, roll_out
 from robot_retarget.judge.rollout import plant_of
-from robot_retarget.judge.stepping import roll_out
+from robot_retarget.judge.worlds import Draw, Spread, draws
 from robot_retarget.robot import Robot
 from robot_retarget.robot.support import feet_of
 from robot_retarget.robot.symmetry import mirror_of

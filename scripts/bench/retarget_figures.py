@@ -7,14 +7,13 @@ import numpy as np
 from robot_retarget.base.arrays import Floats
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot, world_points
-from robot_retarget.scores import distances, feet, joints, limbs
+from robot_retarget.scores import feet, physics, pose
 from robot_retarget.scores.pair import Pair
-from robot_retarget.scores.soles import soles_of
-from robot_retarget.scores.subject import Subject
+from robot_retarget.scores.subject import Subject, soles_of
 from robot_retarget.trajectory import Trajectory
 
 MEASURES = (
-    limbs.limbs, distances.distances, distances.contacts, joints.self_penetration, feet.skate, feet.ground, joints.jerk,
+    pose.limbs, pose.distances, pose.contacts, physics.self_penetration, feet.skate, feet.ground, physics.jerk,
 )  # fmt: skip
 COLUMNS = {
     "limb_deg": "limb_deg_mean",

@@ -189,7 +189,7 @@ def toml_target(folder: Path, more: list[Path]) -> Target:
     from robot_retarget.graph.edits import read_edits
     from robot_retarget.human.match import match
     from robot_retarget.human.read import read_motion
-    from robot_retarget.judge.thresholds import read_thresholds
+    from robot_retarget.judge.verdict import read_thresholds
     from robot_retarget.robot import load_robot
     from robot_retarget.robot.catalog import read_limits
     from robot_retarget.servo.foreign import read_foreign

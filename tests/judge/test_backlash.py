@@ -8,13 +8,13 @@ import pytest
 from made_trajectories import hold, robot_of, swing
 
 from robot_retarget.base.errors import RobotError, UsageError
+from robot_retarget.judge.build import build_plant
 from robot_retarget.judge.compensate import compensated
-from robot_retarget.judge.domain import Draw, Spread, drawn, draws
 from robot_retarget.judge.feedback import with_feedback
-from robot_retarget.judge.goals import Playback
-from robot_retarget.judge.plant import Plant, build_plant
+from robot_retarget.judge.plant import Plant
+from robot_retarget.judge.playback import Playback, Rollout, roll_out
 from robot_retarget.judge.rollout import plant_of, rollouts, simulate
-from robot_retarget.judge.stepping import Rollout, roll_out
+from robot_retarget.judge.worlds import Draw, Spread, drawn, draws
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.trajectory import Trajectory
 

@@ -8,8 +8,8 @@ from made_trajectories import hold, swing
 from shared_files import ROOT
 
 from robot_retarget.judge.plant import Mode
+from robot_retarget.judge.playback import roll_out
 from robot_retarget.judge.rollout import plant_of
-from robot_retarget.judge.stepping import roll_out
 from robot_retarget.robot import load_robot
 
 BENCH = runpy.run_path(str(ROOT / "scripts/bench/bench_simulate.py"))

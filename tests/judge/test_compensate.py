@@ -9,12 +9,10 @@ from made_trajectories import hold, robot_of, swing, wander
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.actuators.map import load_map
-from robot_retarget.judge.compensate import _rates, _spline, _torques, compensated
+from robot_retarget.judge.compensate import _rates, _spline, _torques, compensated, torque_limited_reference
 from robot_retarget.judge.figures import at_frames
-from robot_retarget.judge.goals import plain_goals
+from robot_retarget.judge.playback import Playback, plain_goals, roll_out
 from robot_retarget.judge.rollout import plant_of, simulate
-from robot_retarget.judge.stepping import Playback, roll_out
-from robot_retarget.judge.torque_limited_reference import torque_limited_reference
 from robot_retarget.robot import load_robot
 from robot_retarget.trajectory import Trajectory
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from made_trajectories import hold, swing
 
-from robot_retarget.judge.domain import Draw, drawn, draws
+from robot_retarget.judge.playback import Playback, roll_out
 from robot_retarget.judge.rollout import plant_of, rollouts
-from robot_retarget.judge.stepping import Playback, roll_out
+from robot_retarget.judge.worlds import Draw, drawn, draws
 from robot_retarget.robot import load_robot
 
 OP3 = load_robot("op3")

@@ -13,12 +13,10 @@ from robot_retarget.actuators.feedback.reading import tilt_of
 from robot_retarget.actuators.map import load_map
 from robot_retarget.base.errors import ServoError, UsageError
 from robot_retarget.judge.compensate import compensated
-from robot_retarget.judge.domain import Draw, drawn
-from robot_retarget.judge.feedback import with_feedback
-from robot_retarget.judge.feedback_figures import oscillation
-from robot_retarget.judge.goals import Playback, plain_goals
+from robot_retarget.judge.feedback import oscillation, with_feedback
+from robot_retarget.judge.playback import Playback, Rollout, plain_goals, roll_out
 from robot_retarget.judge.rollout import plant_of, rollouts, simulate
-from robot_retarget.judge.stepping import Rollout, roll_out
+from robot_retarget.judge.worlds import Draw, drawn
 from robot_retarget.robot import Robot, load_robot
 
 OP3 = load_robot("op3")

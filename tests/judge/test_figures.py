@@ -17,12 +17,12 @@ from robot_retarget.actuators.motors import MOTORS
 from robot_retarget.base.errors import RobotError, UsageError
 from robot_retarget.collision.warn import warnings_of
 from robot_retarget.judge.compensate import compensated
-from robot_retarget.judge.domain import Draw
+from robot_retarget.judge.playback import Playback, roll_out
 from robot_retarget.judge.rollout import plant_of, rollouts, simulate
 from robot_retarget.judge.servo_model import drives
 from robot_retarget.judge.stance import floor_height, slip_distances, stance_of, zero_moment_point
-from robot_retarget.judge.stepping import Playback, roll_out
-from robot_retarget.judge.thresholds import Thresholds, read_thresholds
+from robot_retarget.judge.verdict import Thresholds, read_thresholds
+from robot_retarget.judge.worlds import Draw
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.dynamics import margins
 from robot_retarget.robot.support import level_planes

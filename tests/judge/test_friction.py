@@ -9,9 +9,9 @@ from made_trajectories import hold
 
 import robot_retarget as rr
 from robot_retarget.actuators.map import Identified, dump_map, load_map
-from robot_retarget.judge.friction import GearFriction
+from robot_retarget.judge.playback import roll_out
 from robot_retarget.judge.rollout import plant_of
-from robot_retarget.judge.stepping import roll_out
+from robot_retarget.judge.servo_model import GearFriction
 
 OP3 = rr.load_robot("op3")
 MASS, LENGTH, DRY = 1.0, 0.1, 0.02

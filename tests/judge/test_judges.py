@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from made_trajectories import swing
 
+from robot_retarget.judge.build import build_plant
 from robot_retarget.judge.compensate import compensated
 from robot_retarget.judge.figures import at_frames
-from robot_retarget.judge.judges import DRAWN, NOMINAL, SPREAD, other_drives
-from robot_retarget.judge.plant import build_plant
+from robot_retarget.judge.playback import roll_out
 from robot_retarget.judge.rollout import plant_of, simulate
 from robot_retarget.judge.servo_model import drives_of
-from robot_retarget.judge.stepping import roll_out
+from robot_retarget.judge.worlds import DRAWN, NOMINAL, SPREAD, other_drives
 from robot_retarget.robot import load_robot
 
 OP3 = load_robot("op3")

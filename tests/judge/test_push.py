@@ -12,11 +12,10 @@ from pushes import largest_survived, pushed, survives, worlds_at_push
 
 import robot_retarget as rr
 from robot_retarget.judge.compensate import compensated
-from robot_retarget.judge.domain import Draw, draws
 from robot_retarget.judge.feedback import with_feedback
-from robot_retarget.judge.goals import Playback
+from robot_retarget.judge.playback import Playback, roll_out
 from robot_retarget.judge.rollout import plant_of
-from robot_retarget.judge.stepping import roll_out
+from robot_retarget.judge.worlds import Draw, draws
 
 OP3 = rr.load_robot("op3")
 PLANT = plant_of(OP3, "free")

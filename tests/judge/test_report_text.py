@@ -2,7 +2,7 @@
 
 import pytest
 
-from robot_retarget.judge.units import shown
+from robot_retarget.judge.verdict import shown
 
 
 @pytest.mark.parametrize(

@@ -10,10 +10,10 @@ from made_trajectories import hold, robot_of, swing
 from robot_retarget.actuators.mechanics import IDENTIFIED
 from robot_retarget.actuators.motors import MOTORS
 from robot_retarget.base.errors import RobotError, ServoError
-from robot_retarget.judge.plant import build_plant
+from robot_retarget.judge.build import build_plant
+from robot_retarget.judge.playback import Playback, roll_out
 from robot_retarget.judge.rollout import simulate
 from robot_retarget.judge.servo_model import HEAT_RISE, Drives, drives, drives_of
-from robot_retarget.judge.stepping import Playback, roll_out
 from robot_retarget.robot import load_robot
 
 OP3 = load_robot("op3")

@@ -13,10 +13,10 @@ from shared_files import SHARED, needs_shared
 
 from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.base.untrusted.documents import content_sha256
+from robot_retarget.judge.playback import Playback
 from robot_retarget.judge.rollout import plant_of, simulate
 from robot_retarget.judge.servo_model import drives_of
-from robot_retarget.judge.stepping import Playback
-from robot_retarget.judge.thresholds import Thresholds
+from robot_retarget.judge.verdict import Thresholds
 from robot_retarget.robot import load_robot
 from robot_retarget.trajectory import Trajectory, fingerprint
 

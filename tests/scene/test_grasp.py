@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import robot_retarget as rr
-from robot_retarget.judge.grasp import SQUEEZE, grasp_pushes
+from robot_retarget.judge.compensate import SQUEEZE, grasp_pushes
 from robot_retarget.judge.plant import Plant
 from robot_retarget.judge.rollout import plant_of
 from robot_retarget.robot.body_distances import RobotAmongBodies

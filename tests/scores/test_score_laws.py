@@ -13,8 +13,7 @@ from shared_files import ROOT
 
 import robot_retarget as rr
 from robot_retarget.scores.figure import Measure
-from robot_retarget.scores.score import score
-from robot_retarget.scores.table import FIGURES, MEASURES
+from robot_retarget.scores.score import FIGURES, MEASURES, score
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ from robot_retarget.actuators.goals import RATE, Goals
 from robot_retarget.actuators.map import Servo, ServoMap
 from robot_retarget.base.errors import ServoError, TrajectoryError
 from robot_retarget.base.untrusted.documents import sealed
-from robot_retarget.judge.thresholds import Thresholds
+from robot_retarget.judge.verdict import Thresholds
 from robot_retarget.robot import load_robot
 from robot_retarget.servo.judgement import require_judged
 from robot_retarget.tools.cli.run import judged_plain

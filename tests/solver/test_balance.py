@@ -16,8 +16,8 @@ import robot_retarget as rr
 from robot_retarget.base.errors import BalanceError, UsageError
 from robot_retarget.base.files import SAMPLES
 from robot_retarget.judge.compensate import compensated
+from robot_retarget.judge.playback import Playback, roll_out
 from robot_retarget.judge.rollout import plant_of
-from robot_retarget.judge.stepping import Playback, roll_out
 from robot_retarget.robot import world_points
 from robot_retarget.robot.distances import Separation
 from robot_retarget.robot.dynamics import joint_torques, tread

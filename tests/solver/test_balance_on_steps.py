@@ -11,7 +11,7 @@ from shared_files import ROOT
 
 import robot_retarget as rr
 from robot_retarget.base.arrays import intervals, unit
-from robot_retarget.judge.played import PlayedPlant
+from robot_retarget.judge.playback import PlayedPlant
 from robot_retarget.judge.rollout import plant_of, simulate
 from robot_retarget.judge.stance import zero_moment_point
 from robot_retarget.robot.dynamics import ground_push, planned_stance, root_dofs

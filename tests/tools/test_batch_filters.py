@@ -11,7 +11,7 @@ from small_batches import cut_clips, job_of, rows_of, run
 import robot_retarget as rr
 from robot_retarget.base.errors import UsageError
 from robot_retarget.base.untrusted.pickles import load_pickle
-from robot_retarget.scores.table import FIGURES
+from robot_retarget.scores.score import FIGURES
 from robot_retarget.tools.batch.filters import choose, near_duplicates, read_filters
 from robot_retarget.tools.batch.report import pack_all, write_reports
 from robot_retarget.tools.batch.task import Row

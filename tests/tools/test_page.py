@@ -14,10 +14,10 @@ from PIL import Image
 
 from robot_retarget.base.errors import TrajectoryError
 from robot_retarget.collision.warn import warnings_of
+from robot_retarget.judge.playback import Playback, roll_out
 from robot_retarget.judge.report import Report, SimulatedTrajectory, build_report
 from robot_retarget.judge.rollout import plant_of, simulate
-from robot_retarget.judge.stepping import Playback, roll_out
-from robot_retarget.judge.thresholds import Thresholds
+from robot_retarget.judge.verdict import Thresholds
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.contacts import replay_contacts
 from robot_retarget.tools.view.charts import MEASURED, PLAIN, WANTED

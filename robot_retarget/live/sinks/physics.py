@@ -7,7 +7,7 @@ import numpy as np
 
 from robot_retarget.actuators.goals import RATE
 from robot_retarget.base.arrays import Floats
-from robot_retarget.judge.played import PlayedPlant
+from robot_retarget.judge.playback import PlayedPlant
 from robot_retarget.judge.rollout import plant_of
 from robot_retarget.live.loop import LivePose
 from robot_retarget.robot import Robot

@@ -7,7 +7,7 @@ from threading import Thread
 from robot_retarget.actuators.map import ServoMap
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import ServoError
-from robot_retarget.collision.guard import SelfCollisionGuard
+from robot_retarget.live.guard import SelfCollisionGuard
 from robot_retarget.live.loop import LivePose, Loop, StreamStats
 from robot_retarget.robot import Robot
 from robot_retarget.servo.live import TargetStream, follow

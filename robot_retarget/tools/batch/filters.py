@@ -9,7 +9,7 @@ from scipy.spatial import KDTree
 
 from robot_retarget.base.errors import UsageError, known
 from robot_retarget.base.untrusted.documents import read_toml
-from robot_retarget.scores.table import FIGURES
+from robot_retarget.scores.score import FIGURES
 from robot_retarget.tools.batch.task import DONE, Row
 
 SHIPPED = Path(__file__).with_name("filters.toml")

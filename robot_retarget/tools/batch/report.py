@@ -15,7 +15,7 @@ from robot_retarget.base.untrusted.arrays import save_npz
 from robot_retarget.base.untrusted.pickles import dump_pickle, load_pickle
 from robot_retarget.formats import FORMATS, FormatOptions
 from robot_retarget.formats.robot_motion import RobotMotion, robot_motion
-from robot_retarget.scores.table import FIGURES
+from robot_retarget.scores.score import FIGURES
 from robot_retarget.tools.batch.filters import Chosen, Filter, choose, near_duplicates
 from robot_retarget.tools.batch.task import DONE, Job, Row, robot_of
 from robot_retarget.trajectory import load_trajectory

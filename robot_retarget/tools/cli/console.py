@@ -130,7 +130,7 @@ def show_robot(facts: dict[str, Any]) -> None:
 
 def show_solution(facts: dict[str, Any], explain: bool) -> None:
     """Print what `describe_solution` found; the worst edges when asked to explain."""
-    from robot_retarget.judge.units import shown
+    from robot_retarget.judge.verdict import shown
 
     ended = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in facts["status"].items())
     say(f"solved {facts['frames']} frames at {facts['solved_per_second']} a second: {ended}")
@@ -202,7 +202,7 @@ PLAYED = {
 
 def show_playback(figures: dict[str, Any]) -> None:
     """Print the figures of a playback, with the limited joints and their ticks."""
-    from robot_retarget.judge.units import shown
+    from robot_retarget.judge.verdict import shown
 
     rows = [
         (what, value if isinstance(value, str) else shown(value, unit))
@@ -263,7 +263,7 @@ def show_stream(figures: dict[str, Any]) -> None:
 
 def show_score(score: "Score") -> None:
     """Print the figures that apply, a line each; figures that do not are named at the end."""
-    from robot_retarget.scores.table import FIGURES
+    from robot_retarget.scores.score import FIGURES
 
     say(f"{score.source} on {score.robot}: {score.frames} frames at {score.fps:g} frames per second")
     found = {name: value for name, value in score.figures.items() if value is not None}

@@ -54,7 +54,7 @@ def simulate(how: SimulateOptions, robot: RobotOptions, printing: PrintOptions) 
     from robot_retarget.collision.warn import warnings_of
     from robot_retarget.judge.rollout import mode_of
     from robot_retarget.judge.rollout import simulate as roll_out
-    from robot_retarget.judge.thresholds import read_thresholds
+    from robot_retarget.judge.verdict import read_thresholds
     from robot_retarget.tools.view.film import loop
     from robot_retarget.trajectory import load_trajectory
 
@@ -106,8 +106,7 @@ class WarnedOptions(TrajectoryOptions):
 def warn(warned: WarnedOptions, robot: RobotOptions, printing: PrintOptions) -> None:
     """Foresee collisions of a trajectory with itself and with the bodies around it, frame by frame, and say what came of each warning."""
     from robot_retarget.base.files import require_suffix, require_writable
-    from robot_retarget.collision.events import figures_of, write_csv
-    from robot_retarget.collision.warn import WarnOptions, warnings_of
+    from robot_retarget.collision.warn import WarnOptions, figures_of, warnings_of, write_csv
     from robot_retarget.tools.view.charts import require_drawable
     from robot_retarget.trajectory import load_trajectory
 

@@ -175,7 +175,7 @@ def _tried(
     result: "Result", target: Path, how: JudgeOptions, progress: "Progress"
 ) -> tuple["Report", "Warnings | None"]:
     """In simulation: `trajectory.npz` with its goals, `report.json` and, of more than one frame, `warnings.csv`."""
-    from robot_retarget.collision.events import write_csv
+    from robot_retarget.collision.warn import write_csv
     from robot_retarget.judge.rollout import simulate as roll_out
 
     warnings = result.warnings if len(result.trajectory) > 1 else None
@@ -205,7 +205,7 @@ def judged_plain(
         ServoError: they did not.
     """
     from robot_retarget.base.errors import ServoError
-    from robot_retarget.judge.goals import Playback
+    from robot_retarget.judge.playback import Playback
     from robot_retarget.judge.rollout import simulate as roll_out
 
     report = roll_out(trajectory, robot, mode=mode, compensate=False, playback=Playback(rate=rate), feedback=feedback)

@@ -14,7 +14,7 @@ from robot_retarget.base.pages import rendered
 from robot_retarget.collision.warn import Warnings
 from robot_retarget.judge.report import Report
 from robot_retarget.judge.report_text import facts, headline, judged_lines
-from robot_retarget.judge.units import shown
+from robot_retarget.judge.verdict import shown
 from robot_retarget.tools.view import charts
 from robot_retarget.tools.view.charts import NEEDS_MATPLOTLIB
 from robot_retarget.tools.view.film import AnimatedWebP

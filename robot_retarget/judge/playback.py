@@ -1,6 +1,8 @@
-"""Step the physics: the plant's servos follow a trajectory, and every state is recorded."""
+"""Playback: goals as a player sends them, the physics that they come to, and the states that follow."""
 
+import copy
 import time
+from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -9,15 +11,147 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from robot_retarget.actuators.goals import Goals
+from robot_retarget.actuators.goals import RATE, Goals
 from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import UsageError
 from robot_retarget.judge.feedback import ClosedLoop, closed_loop
-from robot_retarget.judge.goals import Playback, plain_goals
 from robot_retarget.judge.plant import Mode, Plant
-from robot_retarget.judge.played import PlayedPlant
 from robot_retarget.robot.contacts import ContactLog, Contacts
-from robot_retarget.robot.timing import sample
+from robot_retarget.robot.timing import sample, sample_hinges
+from robot_retarget.scene.geoms import scene_geoms
+from robot_retarget.solver.smooth import within_speeds
 from robot_retarget.trajectory import Trajectory
+
+# Goals as a player sends them: rate, delay, settling, and the limits of the servo map.
+
+
+@dataclass(frozen=True)
+class Playback:
+    """How goals come to the servos."""
+
+    rate: float = RATE
+    """Goals a second, each held till the next; rounded to whole steps of the physics."""
+    delay: float = 0.002
+    """From the host to the windings [s]; rounded to whole steps of the physics."""
+    settle_before: float = 1.0
+    """The first pose is held this long before the trajectory begins [s]."""
+    settle_after: float = 1.0
+    """The last pose is held this long after it ends [s]."""
+    seed: int = 0
+    """Of the inertial sensor's noise and bias."""
+
+    def __post_init__(self) -> None:
+        for name, low in (("rate", 1.0), ("delay", 0.0), ("settle_before", 0.0), ("settle_after", 0.0)):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= low):
+                raise UsageError(f"{name} must be a number of at least {low:g}, got {value}")
+
+    def steps(self, step: float) -> int:
+        """Steps of the physics [s] that a goal is held for."""
+        return max(1, round(1 / (self.rate * step)))
+
+    def on(self, plant: Plant) -> float:
+        """The rate at which goals come to a plant, whose steps are whole [1/s]."""
+        step = plant.model.opt.timestep
+        return 1 / (self.steps(step) * step)
+
+
+def plain_goals(plant: Plant, trajectory: Trajectory, playback: Playback | None = None) -> Goals:
+    """The trajectory itself, as far as the servo map lets it be."""
+    playback = playback or Playback()
+    rate = playback.on(plant)
+    times = np.arange(round(trajectory.duration * rate) + 1) / rate
+    return settled(plant, sample_hinges(trajectory, plant.robot, times), playback)
+
+
+def settled(plant: Plant, angles: Floats, playback: Playback) -> Goals:
+    """Angles (N, n) at the playback's rate with the settling before and after.
+
+    With a servo map, the goals are moved to the nearest path within its ranges and its speed: a player with that map sends exactly
+    the goals that are judged.
+    """
+    rate = playback.on(plant)
+    before, after = (round(settle * rate) for settle in (playback.settle_before, playback.settle_after))
+    padded = np.pad(angles, ((before, after), (0, 0)), mode="edge")
+    servo_map = plant.servo_map
+    if servo_map is not None:
+        servos = [servo_map[joint] for joint in plant.robot.joint_names]
+        low, high = np.array([servo.reach for servo in servos]).T
+        reach = np.full(len(servos), servo_map.limits.speed / rate)
+        padded = within_speeds(np.clip(padded, low, high), reach)
+    judged_on = "" if servo_map is None else servo_map.fingerprint
+    return Goals(padded, rate, before / rate, after / rate, judged_on)
+
+
+# One tick of simulation: a goal comes to the servos of a plant, late by a delay, and is held till the next.
+
+
+class PlayedPlant:
+    """A plant on which goals are played.
+
+    Args:
+        plant: the physics.
+        rate: of the goals [1/s]; each is held for a whole number of steps.
+        delay: from the host to the windings [s], rounded to steps.
+    """
+
+    def __init__(self, plant: Plant, rate: float, delay: float = 0.0) -> None:
+        step = plant.model.opt.timestep
+        self.plant, self.data = plant, mujoco.MjData(plant.model)
+        self.held, self.late = max(1, round(1 / (rate * step))), round(delay / step)
+        self.seconds = self.held * step
+        """Time that a goal is held for [s]."""
+        self.sent = deque[Floats](maxlen=self.late // self.held + 2)
+        """Controls that are on their way or held, the latest last."""
+
+    def copy(self) -> "PlayedPlant":
+        """Return an independent copy of the state, on the same plant."""
+        other = copy.copy(self)
+        other.data, other.sent = copy.copy(self.data), self.sent.copy()
+        return other
+
+    def place(self, qpos: Floats, on_floor: bool) -> None:
+        """Set the robot to a configuration (nq,), its lowest geom on the floor if desired."""
+        self.data.qpos[:] = self.plant.places.model_qpos(qpos)
+        if on_floor:
+            _set_on_floor(self.plant.model, self.data)
+
+    def carry(self, qpos: Floats) -> None:
+        """Set the root to its place in a configuration (nq,), at rest."""
+        plant, roots = self.plant, self.plant.root_coordinates
+        self.data.qpos[plant.places.qpos[roots]], self.data.qvel[plant.root_dofs] = qpos[roots], 0.0
+
+    def tick(self, goal: Floats) -> None:
+        """Send goals (n,) [rad] and step the physics till the next ones."""
+        self.sent.append(self.plant.controls(goal[None])[0])
+        whole, rest = divmod(self.late, self.held)
+        if rest:
+            self._step(whole + 1, rest)
+        self._step(whole, self.held - rest)
+
+    def _step(self, back: int, count: int) -> None:
+        """Step under the controls sent a number of goals ago, or under the first ones."""
+        self.data.ctrl[:] = self.sent[max(len(self.sent) - back - 1, 0)]
+        self.plant.step(self.data, count)
+
+
+def _set_on_floor(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Move the root vertically until the lowest geom touches the solid scene."""
+    mujoco.mj_forward(model, data)
+    solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+    bodies = np.isin(np.arange(model.ngeom), scene_geoms(model))
+    ground = (model.geom_bodyid == 0) | (bodies & (model.body_weldid[model.geom_bodyid] == 0))
+    scene = np.flatnonzero(solid & ground & (model.geom_type != mujoco.mjtGeom.mjGEOM_HFIELD)).tolist()
+    own = np.flatnonzero(solid & ~ground & ~bodies).tolist()
+    far, ends = 100.0, np.zeros(6)
+    gaps = [mujoco.mj_geomDistance(model, data, a, b, far, ends) for a in scene for b in own]
+    gap = min(gaps, default=far)
+    if gap < far:
+        root = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[0]
+        data.qpos[model.jnt_qposadr[root] + 2] -= gap
+
+
+# Step the physics: the plant's servos follow a trajectory, and every state is recorded.
 
 SPEED_LIMIT = 1e3
 """The integration has failed if a coordinate is faster than this [m/s, rad/s]."""

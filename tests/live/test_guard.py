@@ -7,7 +7,7 @@ import pytest
 from made_trajectories import swing, wander
 
 from robot_retarget.base.errors import UsageError
-from robot_retarget.collision.guard import GuardOptions, SelfCollisionGuard
+from robot_retarget.live.guard import GuardOptions, SelfCollisionGuard
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.contacts import replay_contacts
 
