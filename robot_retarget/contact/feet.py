@@ -35,7 +35,7 @@ def contact_schedule(
         rule: thresholds.
 
     Returns:
-        Per foot (`l`, `r`) (T, 2): whether the toe stands, and whether the heel stands.
+        Per foot (`l`, `r`) (T, 2): whether the toe stands, and whether the heel stands. A foot without a toe stands on both.
     """
     if given is not None:
         feet = {side: given[:, [2 * k + 1, 2 * k]] for k, side in enumerate("lr") if f"{side}_ankle" in points}
@@ -50,6 +50,9 @@ def contact_schedule(
         for k, side in enumerate(sides):
             stands = found.setdefault(side, np.zeros((len(places), 2), dtype=bool))
             stands[:, column] = standing(places[:, k], height[:, k], fps, rule)
+    for side, stands in found.items():
+        if f"{side}_toe" not in points:
+            stands[:, 0] = stands[:, 1]
     return found
 
 
@@ -109,6 +112,8 @@ class CausalContacts:
     leg: float
     columns: list[int]
     """Of each point, among the feet and `PARTS`."""
+    blunt: list[int]
+    """Feet without a toe, which stand on both."""
     speed: Floats
     since: Floats
 
@@ -127,6 +132,7 @@ class CausalContacts:
         self.feet: tuple[str, ...] = tuple(dict.fromkeys(side for side, _ in named))
         self.rows: list[int] = [self.feet.index(side) for side, _ in named]
         self.columns = [PARTS.index(part) for _, part in named]
+        self.blunt = [k for k, side in enumerate(self.feet) if f"{side}_toe" not in keypoints]
         low = {part: [k for k, name in enumerate(keypoints) if name[2:] == part] for part in PARTS}
         self.floor: Floats = np.array([rule.floor_height(x[:, low[part], 2]) for _, part in named])
         self.stands: Bools = np.zeros(len(self.points), dtype=bool)
@@ -154,6 +160,7 @@ class CausalContacts:
             self.since[changed] = 0.0
         found = np.zeros((len(self.feet), 1, len(PARTS)), dtype=bool)
         found[self.rows, 0, self.columns] = self.stands
+        found[self.blunt, 0, 0] = found[self.blunt, 0, 1]
         return dict(zip(self.feet, found, strict=True))
 
     def _measure_speed(self, points: Floats, seconds: float) -> None:

@@ -128,8 +128,8 @@ class Soles:
         return found
 
     def _turns(self, human: HumanFeatures) -> Floats:
-        """Return (T, F, 3, 3) the axes of the human's feet."""
-        return np.stack([human.segments.get(f"{foot}_foot", human.facing) for foot in self.feet], axis=1)
+        """Return (T, F, 3, 3) the axes of the human's feet; an unknown foot is level and heads as the body does."""
+        return np.stack([human.segments.get(f"{foot}_foot", human.level) for foot in self.feet], axis=1)
 
 
 def soles_of(human: HumanFeatures, match: Match, robot: Robot) -> Soles:

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from robot_retarget.base.arrays import Bools, Floats, Ints, intervals
+from robot_retarget.base.arrays import Bools, Floats, Ints, intervals, leftward
 from robot_retarget.base.errors import BalanceError
 from robot_retarget.contact.feet import contact_schedule, high_feet, on_soles
 from robot_retarget.contact.rule import JOINTS, lowest_over_time, without_flicker
@@ -244,6 +244,13 @@ class HumanFeatures:
     def heading(self) -> Floats:
         """(T, 2) unit vectors along the floor in which the body faces."""
         return heading(self.facing)
+
+    @property
+    def level(self) -> Floats:
+        """(T, 3, 3) forward along the heading, left, and up."""
+        axes = np.zeros((len(self), 3, 3))
+        axes[:, :2, 0], axes[:, :2, 1], axes[:, 2, 2] = self.heading, leftward(self.heading), 1.0
+        return axes
 
     @property
     def activity(self) -> Activity:

@@ -85,22 +85,31 @@ def foot_constants(
 ) -> dict[str, Floats]:
     """Return the constant (3, 3) of each foot; the flat foot corrects one that is on its toes throughout.
 
+    Without a toe, the rotation of the ankle shows the foot, which heads as the body does where it is flat.
+
     Args:
         x: (T, 3) per keypoint, over level ground [m].
         floor: (T,) its height in the source [m].
     """
     top = x[next(k for k in ("head", "chest", *match.keypoints) if k in x)][:, 2]
     upright = np.asarray(top >= UPRIGHT * top.max())
-    sides = [side for side in "lr" if {f"{side}_{k}" for k in ("knee", "ankle", "toe")} <= x.keys()]
-    toes = {side: contacts[side][:, 0] for side in sides}
-    flat = {side: _flat(x[f"{side}_ankle"][:, 2] + floor, toes[side], upright) for side in sides}
-    drops = {side: _drop((x[f"{side}_toe"] - x[f"{side}_ankle"])[flat[side]]) for side in sides}
-    least = min((drops[side] for side in sides if toes[side].any()), default=np.inf)
-    found = {}
-    for side in sides:
-        found[side] = _levelled(motion, match, side, x, flat[side])
-        if drops[side] - least > BENT:
-            found[side] = found[side] @ Rotation.from_euler("y", drops[side] - least).as_matrix()
+    found, drops = {}, {}
+    for side in "lr":
+        ankle, toe = x.get(f"{side}_ankle"), x.get(f"{side}_toe")
+        if ankle is None or f"{side}_knee" not in x or (toe is None and motion.rotations is None):
+            continue
+        stands = contacts[side][:, 0]
+        flat = _flat(ankle[:, 2] + floor, stands, upright)
+        if toe is None:
+            ahead = facing(trunk_frames(x), len(ankle))[..., 0]
+        else:
+            ahead = toe - ankle
+            drops[side] = _drop(ahead[flat]), stands.any()
+        found[side] = _levelled(motion, match, side, x, ahead, flat)
+    least = min((drop for drop, stands in drops.values() if stands), default=np.inf)
+    for side, (drop, _) in drops.items():
+        if drop - least > BENT:
+            found[side] = found[side] @ Rotation.from_euler("y", drop - least).as_matrix()
     return found
 
 
@@ -141,14 +150,14 @@ def _drop(along: Floats) -> float:
     return float(np.median(np.arcsin(-unit(along)[:, 2])))
 
 
-def _levelled(motion: Motion, match: Match, side: str, x: dict[str, Floats], flat: np.ndarray) -> Floats:
-    """Return the constant (3, 3) that makes a foot level, its toes straight ahead, in the frames (T,) in which it is flat."""
-    knee, ankle, toe = (x[f"{side}_{k}"] for k in ("knee", "ankle", "toe"))
-    ahead = unit((toe - ankle)[flat] * [1, 1, 0])
+def _levelled(motion: Motion, match: Match, side: str, x: dict[str, Floats], ahead: Floats, flat: np.ndarray) -> Floats:
+    """Return the constant (3, 3) that makes a foot level, its toes `ahead` (T, 3), in the frames (T,) in which it is flat."""
+    ahead = unit(ahead[flat] * [1, 1, 0])
     level = np.stack([ahead, np.cross(UP, ahead), np.broadcast_to(UP, ahead.shape)], axis=2)
     own = own_rotation(motion, match, f"{side}_foot")
-    measured = foot_axes(knee, ankle, toe) if own is None else own
-    return constant_between(measured[flat], level)
+    if own is None:
+        own = foot_axes(*(x[f"{side}_{k}"] for k in ("knee", "ankle", "toe")))
+    return constant_between(own[flat], level)
 
 
 def foot_axes(knee: Floats, ankle: Floats, toe: Floats) -> Floats:
