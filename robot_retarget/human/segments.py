@@ -5,6 +5,7 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Bools, Floats, cross, lengths, unit
 from robot_retarget.base.keypoints import ARM
+from robot_retarget.contact.rule import JOINTS
 from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion
 from robot_retarget.robot.facing import BENT, hand_frames, snapped_to_axes
@@ -78,6 +79,10 @@ TWISTED = np.cos(ARBITRARY)
 """Largest cosine of the angle between the left of a twisted foot and the axis of its knee [-]."""
 UPRIGHT = 0.9
 """A human is upright while the head is above this share of its largest height [-]."""
+SEATED = 0.5
+"""Hips that are never higher than this over the floor are those of a human who lies or kneels [leg lengths]; on a chair they are at 0.55."""
+DROP = 0.4
+"""Toes of a level foot are this far below the ankle, where the clip does not show it [rad]: the median of 14 exporters."""
 
 
 def foot_constants(
@@ -85,7 +90,8 @@ def foot_constants(
 ) -> dict[str, Floats]:
     """Return the constant (3, 3) of each foot; the flat foot corrects one that is on its toes throughout.
 
-    Without a toe, the rotation of the ankle shows the foot, which heads as the body does where it is flat.
+    Without a toe, the rotation of the ankle shows the foot, which heads as the body does where it is flat. A human who never
+    stands shows no flat foot: the bent knee gives the left of the foot, and the way to the toes its forward.
 
     Args:
         x: (T, 3) per keypoint, over level ground [m].
@@ -93,12 +99,17 @@ def foot_constants(
     """
     top = x[next(k for k in ("head", "chest", *match.keypoints) if k in x)][:, 2]
     upright = np.asarray(top >= UPRIGHT * top.max())
+    hips = [x[k][:, 2] for k in ("l_hip", "r_hip") if k in x]
+    lies = bool(hips) and -JOINTS.floor_height(-np.mean(hips, axis=0)) < SEATED * match.human_leg
     found, drops = {}, {}
     for side in "lr":
         ankle, toe = x.get(f"{side}_ankle"), x.get(f"{side}_toe")
         if ankle is None or f"{side}_knee" not in x or (toe is None and motion.rotations is None):
             continue
         stands = contacts[side][:, 0]
+        if toe is not None and lies:
+            found[side] = _bent(motion, match, side, x)
+            continue
         flat = _flat(ankle[:, 2] + floor, stands, upright)
         if toe is None:
             ahead = facing(trunk_frames(x), len(ankle))[..., 0]
@@ -158,6 +169,14 @@ def _levelled(motion: Motion, match: Match, side: str, x: dict[str, Floats], ahe
     if own is None:
         own = foot_axes(*(x[f"{side}_{k}"] for k in ("knee", "ankle", "toe")))
     return constant_between(own[flat], level)
+
+
+def _bent(motion: Motion, match: Match, side: str, x: dict[str, Floats]) -> Floats:
+    """Return the constant (3, 3) of a foot from the bend of its leg, the toes `DROP` below the ankle where it is level."""
+    knee, ankle, toe = (x[f"{side}_{k}"] for k in ("knee", "ankle", "toe"))
+    seen, level = foot_axes(knee, ankle, toe), Rotation.from_euler("y", -DROP).as_matrix()
+    own = own_rotation(motion, match, f"{side}_foot")
+    return level if own is None else constant_between(own, seen @ level)
 
 
 def foot_axes(knee: Floats, ankle: Floats, toe: Floats) -> Floats:
