@@ -15,9 +15,8 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.actuators.balance_tables import Balance, Imu
 from robot_retarget.actuators.feedback.law import Feedback, Law
-from robot_retarget.actuators.feedback.reading import tilt_of, vertical_in
-from robot_retarget.actuators.feedback.sensor import BodyMotion, VirtualImu, calibrated
 from robot_retarget.actuators.goals import Goals
+from robot_retarget.actuators.inertial import BodyMotion, VirtualImu, calibrated, tilt_of, vertical_in
 from robot_retarget.actuators.map import ServoMap
 from robot_retarget.base.arrays import Floats
 from robot_retarget.judge.plant import Plant

@@ -6,8 +6,7 @@ import numpy as np
 
 from robot_retarget.actuators.balance_tables import Balance, Imu
 from robot_retarget.actuators.feedback.fusion import Fusion
-from robot_retarget.actuators.feedback.monitor import Monitor, rest_faults
-from robot_retarget.actuators.feedback.reading import Reading
+from robot_retarget.actuators.inertial import Monitor, Reading, rest_faults
 from robot_retarget.base.arrays import Floats
 from robot_retarget.servo.outcome import FaultError
 from robot_retarget.servo.plan import ServoPlan

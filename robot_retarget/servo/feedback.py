@@ -5,9 +5,7 @@ from collections.abc import Callable
 
 from robot_retarget.actuators.balance_tables import Balance, Imu
 from robot_retarget.actuators.feedback.law import Feedback, Law
-from robot_retarget.actuators.feedback.lean import LeanTest
-from robot_retarget.actuators.feedback.monitor import rest_faults
-from robot_retarget.actuators.feedback.reading import Reading
+from robot_retarget.actuators.inertial import LeanTest, Reading, rest_faults
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.fall import FallGuard

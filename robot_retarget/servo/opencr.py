@@ -6,7 +6,7 @@ Addresses and units are those of ROBOTIS's `OPEN-CR.device` and `open_cr_module`
 import numpy as np
 
 from robot_retarget.actuators.balance_tables import STANDARD_GRAVITY, Imu
-from robot_retarget.actuators.feedback.reading import Reading
+from robot_retarget.actuators.inertial import Reading
 from robot_retarget.base.arrays import Floats
 from robot_retarget.servo import protocol
 from robot_retarget.servo.bus import Bus

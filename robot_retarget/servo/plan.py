@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robot_retarget.actuators.feedback.law import Feedback
-from robot_retarget.actuators.feedback.reading import vertical_in
 from robot_retarget.actuators.goals import RATE
+from robot_retarget.actuators.inertial import vertical_in
 from robot_retarget.actuators.map import Limits, ServoMap
 from robot_retarget.base.arrays import JERK_PEAK, Floats, frozen, minimum_jerk
 from robot_retarget.base.errors import ServoError

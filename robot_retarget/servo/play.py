@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.actuators.balance_tables import Balance
-from robot_retarget.actuators.feedback.lean import LEAN, LeanTest
+from robot_retarget.actuators.inertial import LEAN, LeanTest
 from robot_retarget.actuators.map import ServoMap
 from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.bus import Bus

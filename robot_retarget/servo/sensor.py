@@ -14,7 +14,7 @@ import numpy as np
 import serial
 
 from robot_retarget.actuators.balance_tables import Imu
-from robot_retarget.actuators.feedback.reading import Reading
+from robot_retarget.actuators.inertial import Reading
 from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.opencr import OpenCr

@@ -8,9 +8,8 @@ import mujoco
 import numpy as np
 
 from robot_retarget.actuators.balance_tables import Imu
-from robot_retarget.actuators.feedback.reading import LEVEL, Reading
-from robot_retarget.actuators.feedback.sensor import BodyMotion, VirtualImu
 from robot_retarget.actuators.goals import RATE
+from robot_retarget.actuators.inertial import LEVEL, BodyMotion, Reading, VirtualImu
 from robot_retarget.actuators.map import TICKS_PER_RADIAN, ServoMap
 from robot_retarget.base.errors import ServoError, known
 from robot_retarget.servo.window import ViewerWindow

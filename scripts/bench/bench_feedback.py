@@ -26,9 +26,8 @@ from pushes import DIRECTIONS, pushed, standing, survived_impulses, worlds_at_pu
 import robot_retarget as rr
 from robot_retarget.actuators.balance_tables import STANDARD_GRAVITY, Balance, Imu
 from robot_retarget.actuators.feedback.fusion import Fusion
-from robot_retarget.actuators.feedback.reading import Reading
-from robot_retarget.actuators.feedback.sensor import VirtualImu, calibrated
 from robot_retarget.actuators.goals import RATE, Goals
+from robot_retarget.actuators.inertial import Reading, VirtualImu, calibrated
 from robot_retarget.actuators.map import ServoMap
 from robot_retarget.base.arrays import Bools, Floats
 from robot_retarget.base.errors import ServoError

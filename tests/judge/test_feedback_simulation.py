@@ -9,7 +9,7 @@ from made_trajectories import hold, swing
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.actuators.balance_tables import Balance
-from robot_retarget.actuators.feedback.reading import tilt_of
+from robot_retarget.actuators.inertial import tilt_of
 from robot_retarget.actuators.map import load_map
 from robot_retarget.base.errors import ServoError, UsageError
 from robot_retarget.judge.compensate import compensated

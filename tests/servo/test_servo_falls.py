@@ -10,7 +10,7 @@ from made_trajectories import hold
 
 import robot_retarget as rr
 from robot_retarget.actuators.balance_tables import Balance, Imu
-from robot_retarget.actuators.feedback.reading import LEVEL, Reading
+from robot_retarget.actuators.inertial import LEVEL, Reading
 from robot_retarget.actuators.map import load_map
 from robot_retarget.servo.fall import FallGuard
 from robot_retarget.servo.outcome import FaultError, PlaybackEnd, PlaybackOptions

@@ -16,10 +16,7 @@ from scipy.spatial.transform import Rotation
 
 import robot_retarget as rr
 from robot_retarget.actuators.balance_tables import STANDARD_GRAVITY, Imu
-from robot_retarget.actuators.feedback.lean import LeanTest
-from robot_retarget.actuators.feedback.monitor import Monitor, rest_faults
-from robot_retarget.actuators.feedback.reading import LEVEL, Reading
-from robot_retarget.actuators.feedback.sensor import VirtualImu
+from robot_retarget.actuators.inertial import LEVEL, LeanTest, Monitor, Reading, VirtualImu, rest_faults
 from robot_retarget.actuators.map import ServoMap, load_map
 from robot_retarget.base.errors import ServoError
 from robot_retarget.base.files import MODELS as SHIPPED

@@ -8,7 +8,7 @@ A push or a step makes ‖a‖ differ from g and switches the correction off for
 import numpy as np
 
 from robot_retarget.actuators.balance_tables import STANDARD_GRAVITY
-from robot_retarget.actuators.feedback.reading import Reading, tilt_of
+from robot_retarget.actuators.inertial import Reading, tilt_of
 from robot_retarget.base.arrays import Floats
 
 TRUST = STANDARD_GRAVITY / 2

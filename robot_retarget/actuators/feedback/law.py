@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.actuators.feedback.fusion import Fusion
-from robot_retarget.actuators.feedback.reading import Reading
+from robot_retarget.actuators.inertial import Reading
 from robot_retarget.base.arrays import Floats, Ints, frozen
 from robot_retarget.base.errors import TrajectoryError
 from robot_retarget.base.untrusted.arrays import Field

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from robot_retarget.actuators.balance_tables import Imu
-from robot_retarget.actuators.feedback.reading import Reading
+from robot_retarget.actuators.inertial import Reading
 from robot_retarget.base.arrays import Floats
 from robot_retarget.servo import protocol
 from robot_retarget.servo.opencr import GYRO, TABLE_END, encoded

@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robot_retarget.actuators.control_tables import BAUDS, CENTRE
-from robot_retarget.actuators.feedback.reading import LEVEL
-from robot_retarget.actuators.feedback.sensor import VirtualImu
+from robot_retarget.actuators.inertial import LEVEL, VirtualImu
 from robot_retarget.actuators.map import ServoMap
 from robot_retarget.base.errors import ServoError
 from robot_retarget.base.files import MODELS
