@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.actuators.feedback.law import FIELDS as FEEDBACK_FIELDS
-from robot_retarget.actuators.feedback.law import Feedback, has_all, read_feedback
+from robot_retarget.actuators.feedback import FIELDS as FEEDBACK_FIELDS
+from robot_retarget.actuators.feedback import Feedback, has_all, read_feedback
 from robot_retarget.base.arrays import Floats, frozen
 from robot_retarget.base.errors import TrajectoryError
 from robot_retarget.base.untrusted.arrays import Field

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.actuators.balance_tables import Balance, Imu
-from robot_retarget.actuators.feedback.law import Feedback, Law
+from robot_retarget.actuators.feedback import Feedback, Law
 from robot_retarget.actuators.goals import Goals
 from robot_retarget.actuators.inertial import BodyMotion, VirtualImu, calibrated, tilt_of, vertical_in
 from robot_retarget.actuators.map import ServoMap

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from robot_retarget.actuators.balance_tables import Balance, Imu
-from robot_retarget.actuators.feedback.fusion import Fusion
+from robot_retarget.actuators.feedback import Fusion
 from robot_retarget.actuators.inertial import Monitor, Reading, rest_faults
 from robot_retarget.base.arrays import Floats
 from robot_retarget.servo.outcome import FaultError

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 
 from robot_retarget.actuators.balance_tables import Balance, Imu
-from robot_retarget.actuators.feedback.law import Feedback, Law
+from robot_retarget.actuators.feedback import Feedback, Law
 from robot_retarget.actuators.inertial import LeanTest, Reading, rest_faults
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import ServoError

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robot_retarget.actuators.feedback.law import Feedback
+from robot_retarget.actuators.feedback import Feedback
 from robot_retarget.actuators.goals import RATE
 from robot_retarget.actuators.inertial import vertical_in
 from robot_retarget.actuators.map import Limits, ServoMap

@@ -25,7 +25,7 @@ from pushes import DIRECTIONS, pushed, standing, survived_impulses, worlds_at_pu
 
 import robot_retarget as rr
 from robot_retarget.actuators.balance_tables import STANDARD_GRAVITY, Balance, Imu
-from robot_retarget.actuators.feedback.fusion import Fusion
+from robot_retarget.actuators.feedback import Fusion
 from robot_retarget.actuators.goals import RATE, Goals
 from robot_retarget.actuators.inertial import Reading, VirtualImu, calibrated
 from robot_retarget.actuators.map import ServoMap

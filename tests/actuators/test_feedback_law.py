@@ -7,8 +7,7 @@ from scipy.spatial.transform import Rotation
 
 import robot_retarget as rr
 from robot_retarget.actuators.balance_tables import STANDARD_GRAVITY, Balance, Imu, JointGain
-from robot_retarget.actuators.feedback.fusion import Fusion
-from robot_retarget.actuators.feedback.law import Feedback, Law, read_feedback
+from robot_retarget.actuators.feedback import Feedback, Fusion, Law, read_feedback
 from robot_retarget.actuators.inertial import BodyMotion, Reading, VirtualImu, tilt_of, vertical_in
 from robot_retarget.actuators.map import dump_map, load_map
 from robot_retarget.base.errors import ServoError, TrajectoryError
