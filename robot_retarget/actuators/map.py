@@ -13,8 +13,7 @@ from math import pi, tau
 from pathlib import Path
 from typing import Any
 
-from robot_retarget.actuators.balance_tables import Balance, Imu
-from robot_retarget.actuators.bounds import Bounds, MapError, require_bounds, within
+from robot_retarget.actuators.balance_tables import Balance, Bounds, Imu, MapError, require_bounds, within
 from robot_retarget.actuators.control_tables import BAUDS, CENTRE, LAST_POSITION, Model, model_named
 from robot_retarget.actuators.motors import TICKS_PER_TURN
 from robot_retarget.base.errors import ServoError, known

@@ -5,7 +5,7 @@ from enum import Enum
 from math import inf
 from typing import Any
 
-from robot_retarget.actuators.bounds import require_bounds, within
+from robot_retarget.actuators.balance_tables import require_bounds, within
 from robot_retarget.actuators.goals import TRACKING_RMS
 
 
