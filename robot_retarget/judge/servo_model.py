@@ -17,8 +17,17 @@ import mujoco
 import numpy as np
 
 from robot_retarget.actuators.map import Identified
-from robot_retarget.actuators.mechanics import IDENTIFIED, REFERENCE, Mechanics, mechanics_of
-from robot_retarget.actuators.motors import HEAT_RISE, HEAT_TIME, TICKS_PER_TURN, MotorModel, motor_named
+from robot_retarget.actuators.motors import (
+    HEAT_RISE,
+    HEAT_TIME,
+    IDENTIFIED,
+    REFERENCE,
+    TICKS_PER_TURN,
+    Mechanics,
+    MotorModel,
+    mechanics_of,
+    motor_named,
+)
 from robot_retarget.base.arrays import Floats, Ints, frozen
 from robot_retarget.base.errors import RobotError
 from robot_retarget.robot.model import Robot

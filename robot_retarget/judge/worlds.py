@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from robot_retarget.actuators.goals import Goals
-from robot_retarget.actuators.mechanics import PUBLISHED
+from robot_retarget.actuators.motors import PUBLISHED
 from robot_retarget.base.arrays import Floats
 from robot_retarget.judge.figures import at_frames, fall_figures
 from robot_retarget.judge.plant import Mode, Plant

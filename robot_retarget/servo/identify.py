@@ -16,11 +16,10 @@ import numpy as np
 
 from robot_retarget.actuators.goals import RATE
 from robot_retarget.actuators.map import Identified, Servo, ServoMap, Stop
-from robot_retarget.actuators.mechanics import next_speed
+from robot_retarget.actuators.motors import Pendulum, next_speed
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions
-from robot_retarget.servo.pendulum import Pendulum
 from robot_retarget.servo.plan import ServoPlan
 from robot_retarget.servo.play import play
 from robot_retarget.servo.scale import JointScale

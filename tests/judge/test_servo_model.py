@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from made_trajectories import hold, robot_of, swing
 
-from robot_retarget.actuators.mechanics import IDENTIFIED
-from robot_retarget.actuators.motors import MOTORS
+from robot_retarget.actuators.motors import IDENTIFIED, MOTORS
 from robot_retarget.base.errors import RobotError, ServoError
 from robot_retarget.judge.build import build_plant
 from robot_retarget.judge.playback import Playback, roll_out

@@ -8,8 +8,7 @@ import pytest
 from emulated import QUICK, emulated
 
 from robot_retarget.actuators.map import Identified, Servo, ServoMap, dump_map, load_map
-from robot_retarget.actuators.mechanics import IDENTIFIED
-from robot_retarget.actuators.motors import MOTORS
+from robot_retarget.actuators.motors import IDENTIFIED, MOTORS, Pendulum
 from robot_retarget.base.errors import ServoError
 from robot_retarget.judge.servo_model import drives_of
 from robot_retarget.robot import load_robot
@@ -17,7 +16,6 @@ from robot_retarget.robot.model import with_servos
 from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.identify import SWING, excitation, identify
 from robot_retarget.servo.outcome import PlaybackOptions
-from robot_retarget.servo.pendulum import Pendulum
 
 HIDDEN = {
     "as on the OP3": (1.084, 0.045, 0.03, 800),

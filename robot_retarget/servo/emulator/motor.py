@@ -4,9 +4,15 @@ from dataclasses import dataclass, field
 from math import exp, sin, tau
 
 from robot_retarget.actuators.control_tables import Model
-from robot_retarget.actuators.mechanics import mechanics_of, next_speed
-from robot_retarget.actuators.motors import FULL_PWM, HEAT_RISE, HEAT_TIME, TICKS_PER_TURN
-from robot_retarget.servo.pendulum import Pendulum
+from robot_retarget.actuators.motors import (
+    FULL_PWM,
+    HEAT_RISE,
+    HEAT_TIME,
+    TICKS_PER_TURN,
+    Pendulum,
+    mechanics_of,
+    next_speed,
+)
 
 RADIANS = tau / TICKS_PER_TURN
 AMBIENT = 30.0

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from robot_retarget.actuators.control_tables import BAUDS, CENTRE
 from robot_retarget.actuators.inertial import LEVEL, VirtualImu
 from robot_retarget.actuators.map import ServoMap
+from robot_retarget.actuators.motors import Pendulum
 from robot_retarget.base.errors import ServoError
 from robot_retarget.base.files import MODELS
 from robot_retarget.servo.emulator.device import rested
@@ -15,7 +16,6 @@ from robot_retarget.servo.emulator.opencr import Board
 from robot_retarget.servo.emulator.server import Server
 from robot_retarget.servo.emulator.wire_timing import WireTiming
 from robot_retarget.servo.emulator.world import World
-from robot_retarget.servo.pendulum import Pendulum
 
 if TYPE_CHECKING:
     from robot_retarget.servo.twin import Twin

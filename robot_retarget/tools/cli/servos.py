@@ -12,8 +12,8 @@ from robot_retarget.tools.cli.options import OUT, BaudOptions, PrintOptions
 
 if TYPE_CHECKING:
     from robot_retarget.actuators.map import ServoMap
+    from robot_retarget.actuators.motors import Pendulum
     from robot_retarget.servo.emulator.wire_timing import WireTiming
-    from robot_retarget.servo.pendulum import Pendulum
 
 servos: typer.Typer = typer.Typer(
     no_args_is_help=True, rich_markup_mode=None, help="Dynamixel servos, real or emulated."
@@ -187,10 +187,10 @@ class IdentifyOptions(MapOutputOptions, BusOptions):
 def identify(how: IdentifyOptions, printing: PrintOptions) -> None:
     """Find a servo's friction, armature, damping and gain: move it with a known pendulum for 24 s, and fit."""
     from robot_retarget.actuators.map import dump_map
+    from robot_retarget.actuators.motors import Pendulum
     from robot_retarget.base.files import require_writable, write_text
     from robot_retarget.servo.identify import identify as find
     from robot_retarget.servo.identify import with_identified
-    from robot_retarget.servo.pendulum import Pendulum
 
     servo_map, pendulum = how.load(), Pendulum(how.mass, how.length, how.inertia)
     for path in (how.output, how.log):
@@ -234,7 +234,7 @@ def import_map(
 
 
 def _pendulum(text: str) -> "Pendulum":
-    from robot_retarget.servo.pendulum import Pendulum
+    from robot_retarget.actuators.motors import Pendulum
 
     try:
         mass, length = map(float, text.split(","))
