@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from robot_retarget.actuators.map import Limits
 from robot_retarget.base.arrays import Floats
-from robot_retarget.servo.scale import JointScale
+from robot_retarget.servo.link import JointScale
 
 
 @dataclass

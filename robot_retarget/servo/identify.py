@@ -19,10 +19,10 @@ from robot_retarget.actuators.map import Identified, Servo, ServoMap, Stop
 from robot_retarget.actuators.motors import Pendulum, next_speed
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import ServoError
+from robot_retarget.servo.link import JointScale
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions
 from robot_retarget.servo.plan import ServoPlan
 from robot_retarget.servo.play import play
-from robot_retarget.servo.scale import JointScale
 
 STEP = 0.002
 """Of the simulated pendulum [s]."""

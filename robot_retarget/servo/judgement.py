@@ -10,8 +10,8 @@ from robot_retarget.actuators.goals import TRACKING_RMS
 from robot_retarget.actuators.map import ServoMap
 from robot_retarget.base.errors import ServoError
 from robot_retarget.base.untrusted.documents import FORMAT_VERSION, NAMES, content_sha256, read_json
+from robot_retarget.servo.link import JointScale
 from robot_retarget.servo.plan import goal_plan
-from robot_retarget.servo.scale import JointScale
 from robot_retarget.trajectory import Trajectory, fingerprint
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from robot_retarget.servo.guard import Guard
-from robot_retarget.servo.scale import JointScale
+from robot_retarget.servo.link import JointScale
 
 SCALE, LIMITS = JointScale(ARM), ARM.limits
 WISHES = arrays(float, (6, 4), elements=st.floats(-9, 9) | st.sampled_from([np.nan, np.inf, -np.inf]))

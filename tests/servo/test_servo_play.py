@@ -25,11 +25,10 @@ from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.check import require_fit
 from robot_retarget.servo.hold import take_hold
 from robot_retarget.servo.judge import Judge
-from robot_retarget.servo.link import Link
+from robot_retarget.servo.link import JointScale, Link
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions, PlaybackOutcome
 from robot_retarget.servo.plan import ServoPlan
 from robot_retarget.servo.play import play
-from robot_retarget.servo.scale import JointScale
 
 START = (0.2, -0.3, 0.1, 0.4)
 RATE = 200.0
