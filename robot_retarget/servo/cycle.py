@@ -8,7 +8,7 @@ from robot_retarget.base.arrays import Floats
 from robot_retarget.servo.guard import Guard
 from robot_retarget.servo.judge import Judge
 from robot_retarget.servo.link import Link, ServoGoals
-from robot_retarget.servo.record import PHASES, Record
+from robot_retarget.servo.outcome import PHASES, Record
 
 SPARE = 1.5e-3
 """With at least this much of a tick left, slow registers are read at a rate that covers all servos in ROUND [s]."""

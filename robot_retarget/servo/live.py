@@ -15,10 +15,9 @@ from robot_retarget.actuators.map import Limits, ServoMap
 from robot_retarget.base.arrays import Floats, minimum_jerk
 from robot_retarget.servo.cycle import Cycle, Step
 from robot_retarget.servo.guard import Guard
-from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions, PlaybackOutcome
+from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions, PlaybackOutcome, Record
 from robot_retarget.servo.performance import Performance, perform
 from robot_retarget.servo.plan import approach_time
-from robot_retarget.servo.record import Record
 
 SILENCE = 0.5
 """Silence after which the next target is approached again [s]; the goal rests meanwhile."""

@@ -19,9 +19,8 @@ from robot_retarget.servo.hold import leave_holding, let_go, take_hold
 from robot_retarget.servo.interrupts import Interrupts
 from robot_retarget.servo.judge import Judge
 from robot_retarget.servo.link import Link
-from robot_retarget.servo.outcome import FaultError, HeatError, PlaybackEnd, PlaybackOptions, PlaybackOutcome
+from robot_retarget.servo.outcome import FaultError, HeatError, PlaybackEnd, PlaybackOptions, PlaybackOutcome, Record
 from robot_retarget.servo.plan import ServoPlan, glide
-from robot_retarget.servo.record import Record
 from robot_retarget.servo.ways import Course
 
 STOPPING = (FaultError, NoAnswerError, StatusError)

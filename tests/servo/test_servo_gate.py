@@ -21,8 +21,7 @@ from robot_retarget.servo.cycle import Cycle, Step
 from robot_retarget.servo.hold import leave_holding, take_hold
 from robot_retarget.servo.judge import Judge
 from robot_retarget.servo.link import Link
-from robot_retarget.servo.outcome import FaultError
-from robot_retarget.servo.record import Record
+from robot_retarget.servo.outcome import FaultError, Record
 
 BAD = [np.nan, np.inf, -np.inf, 1e300, -1e300, 1e308, 5e-324]
 ANGLES = st.floats(-9, 9) | st.sampled_from(BAD)

@@ -212,7 +212,7 @@ def test_a_servo_that_falls_silent_stops_it_as_in_any_playback(tmp_path: Path) -
 
 
 def test_the_log_of_hours_holds_the_end(tmp_path: Path) -> None:
-    from robot_retarget.servo.record import Record
+    from robot_retarget.servo.outcome import Record
 
     record = Record(("a",), most=10)
     for k in range(100):
