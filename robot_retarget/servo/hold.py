@@ -6,8 +6,7 @@ import numpy as np
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.servo.bus import NoAnswerError, StatusError
-from robot_retarget.servo.guard import Guard
-from robot_retarget.servo.judge import Judge
+from robot_retarget.servo.cycle import Guard, Judge
 from robot_retarget.servo.link import Link
 from robot_retarget.servo.outcome import FaultError
 

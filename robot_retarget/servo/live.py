@@ -13,8 +13,7 @@ import numpy as np
 from robot_retarget.actuators.goals import RATE
 from robot_retarget.actuators.map import Limits, ServoMap
 from robot_retarget.base.arrays import Floats, minimum_jerk
-from robot_retarget.servo.cycle import Cycle, Step
-from robot_retarget.servo.guard import Guard
+from robot_retarget.servo.cycle import Cycle, Guard, Step
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions, PlaybackOutcome, Record
 from robot_retarget.servo.performance import Performance, perform
 from robot_retarget.servo.plan import approach_time

@@ -17,9 +17,8 @@ from robot_retarget.actuators.map import TICKS_PER_RADIAN, ServoMap
 from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.check import require_fit
-from robot_retarget.servo.cycle import Cycle, Step
+from robot_retarget.servo.cycle import Cycle, Judge, Step
 from robot_retarget.servo.hold import leave_holding, take_hold
-from robot_retarget.servo.judge import Judge
 from robot_retarget.servo.link import Link
 from robot_retarget.servo.outcome import FaultError, Record
 

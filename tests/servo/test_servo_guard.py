@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from robot_retarget.servo.guard import Guard
+from robot_retarget.servo.cycle import Guard
 from robot_retarget.servo.link import JointScale
 
 SCALE, LIMITS = JointScale(ARM), ARM.limits

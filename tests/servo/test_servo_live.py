@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from robot_retarget.actuators.map import Limits
 from robot_retarget.base.arrays import Floats
-from robot_retarget.servo.guard import Guard
+from robot_retarget.servo.cycle import Guard
 from robot_retarget.servo.link import JointScale
 from robot_retarget.servo.live import LONGEST, SILENCE, Approach, TargetFollower, TargetStream, follow
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions, PlaybackOutcome
