@@ -3,23 +3,68 @@
 import math
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
 from robot_retarget.actuators.map import ServoMap
+from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.bus import Bus, NoAnswerError, PortLostError, StatusError, slow_adapter
 from robot_retarget.servo.check import require_fit
 from robot_retarget.servo.clock import real_time, wait_until, without_sleep_states
 from robot_retarget.servo.cycle import Cycle, Guard, Judge, Step
 from robot_retarget.servo.fall import FallGuard
-from robot_retarget.servo.hold import leave_holding, let_go, take_hold
 from robot_retarget.servo.interrupts import Interrupts
 from robot_retarget.servo.link import Link
 from robot_retarget.servo.outcome import FaultError, HeatError, PlaybackEnd, PlaybackOptions, PlaybackOutcome, Record
 from robot_retarget.servo.plan import ServoPlan, glide
 from robot_retarget.servo.ways import Course
+
+# Engage a robot without a jump, leave it holding, release it.
+
+STRAIN = 0.15
+"""A servo left holding is not left pulling at more than this [rad]: two thirds of full duty at the usual gain."""
+
+
+def take_hold(link: Link, judge: Judge) -> Guard:
+    """Goal := present, then torque, servo by servo; nothing moves. Servos with torque on keep it.
+
+    Raises:
+        FaultError: a servo does not answer, is outside its range, or does not keep its goal.
+    """
+    link.set_all("bus_watchdog", 0)
+    judge.require_fresh()
+    link.command(link.present)
+    for name in ("profile_acceleration", "profile_velocity"):
+        link.set_all(name, 0)
+    goals = link.goals(link.present)
+    for k, servo in enumerate(link.map.servos):
+        if not link.write_verified(goals, k):
+            raise FaultError(f"{servo.joint} does not keep its goal")
+        link.bus.write(servo.id, servo.type.registers["torque_enable"], 1)
+        link.torque[k] = True
+    link.watchdog(link.map.limits.watchdog)
+    judge.require_fresh()
+    return Guard(link.scale, link.map.limits, np.clip(link.present, link.scale.lower, link.scale.upper))
+
+
+def leave_holding(link: Link, goal: Floats | None) -> None:
+    """Switch the watchdog off, three times as no servo confirms it; move goals that are far from their joints to them."""
+    for _ in range(3):
+        link.set_all("bus_watchdog", 0)
+    if goal is not None:
+        link.command(np.where(np.abs(goal - link.present) <= STRAIN, goal, link.present))
+
+
+def let_go(link: Link) -> None:
+    """Torque off: all at once, then each with an answer, as far as they answer."""
+    link.set_all("torque_enable", 0)
+    for servo in link.map.servos:
+        with suppress(NoAnswerError, StatusError):
+            link.bus.write(servo.id, servo.type.registers["torque_enable"], 0)
+
 
 STOPPING = (FaultError, NoAnswerError, StatusError)
 """Errors that end a motion with all servos holding."""

@@ -18,9 +18,9 @@ from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.check import require_fit
 from robot_retarget.servo.cycle import Cycle, Judge, Step
-from robot_retarget.servo.hold import leave_holding, take_hold
 from robot_retarget.servo.link import Link
 from robot_retarget.servo.outcome import FaultError, Record
+from robot_retarget.servo.performance import leave_holding, take_hold
 
 BAD = [np.nan, np.inf, -np.inf, 1e300, -1e300, 1e308, 5e-324]
 ANGLES = st.floats(-9, 9) | st.sampled_from(BAD)

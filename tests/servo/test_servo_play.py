@@ -24,9 +24,9 @@ from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.check import require_fit
 from robot_retarget.servo.cycle import Judge
-from robot_retarget.servo.hold import take_hold
 from robot_retarget.servo.link import JointScale, Link
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions, PlaybackOutcome
+from robot_retarget.servo.performance import take_hold
 from robot_retarget.servo.plan import ServoPlan
 from robot_retarget.servo.play import play
 
