@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from robot_retarget.actuators.goals import Goals
 from robot_retarget.base.errors import ServoError, UsageError
 from robot_retarget.base.untrusted.documents import sealed
-from robot_retarget.servo.interrupts import Interrupts
+from robot_retarget.servo.host import Interrupts
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions, PlaybackOutcome
 from robot_retarget.servo.plan import ServoPlan, goal_plan
 from robot_retarget.servo.play import play

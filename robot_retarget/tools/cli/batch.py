@@ -109,7 +109,7 @@ def batch(how: BatchOptions, printing: PrintOptions) -> None:
 
 def _run(job: "Job", how: BatchOptions, filters: "list[Filter]") -> "tuple[RunSummary, list[Chosen]]":
     """Perform a job with a bar, stopped gently by the first Ctrl-C and at once by the second."""
-    from robot_retarget.servo.interrupts import Interrupts
+    from robot_retarget.servo.host import Interrupts
     from robot_retarget.tools.batch.manifest import Manifest, locked_folder
     from robot_retarget.tools.batch.report import pack_all, write_reports
     from robot_retarget.tools.batch.run import perform_all, plan_of

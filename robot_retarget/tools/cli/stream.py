@@ -139,7 +139,7 @@ class StreamRun:
 
     def run(self, sink: "Sink") -> dict[str, Any]:
         """Run in this thread until Ctrl-C and return the figures."""
-        from robot_retarget.servo.interrupts import handling
+        from robot_retarget.servo.host import handling
 
         loop = self.loop(sink)
         with handling(lambda number: loop.stop.set()):
@@ -263,7 +263,7 @@ def _send(clip: Path, target: str, how: StreamOptions, speed: float, printing: P
 
     require_osc()
     from robot_retarget.live.send import send
-    from robot_retarget.servo.interrupts import handling
+    from robot_retarget.servo.host import handling
 
     motion, stop = among(ReadOptions().read(clip), how.scene), Event()
     motion = motion if how.fps is None else motion.resample(how.fps)
