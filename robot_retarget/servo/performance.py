@@ -18,8 +18,7 @@ from robot_retarget.servo.fall import FallGuard
 from robot_retarget.servo.host import Interrupts, real_time, wait_until, without_sleep_states
 from robot_retarget.servo.link import Link
 from robot_retarget.servo.outcome import FaultError, HeatError, PlaybackEnd, PlaybackOptions, PlaybackOutcome, Record
-from robot_retarget.servo.plan import ServoPlan, glide
-from robot_retarget.servo.ways import Course
+from robot_retarget.servo.plan import Course, ServoPlan, glide
 
 # Engage a robot without a jump, leave it holding, release it.
 

@@ -1,5 +1,6 @@
 """Plans of playback as joint angles per tick: judged goals, a plain trajectory, and minimum-jerk paths between poses."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -119,6 +120,60 @@ def approach_time(start: Floats, end: Floats, limits: Limits) -> float:
     """Return the duration of an approach between two poses [s]."""
     far = float(np.abs(end - start).max(initial=0.0))
     return max(limits.approach_time, JERK_PEAK * far / min(limits.approach_speed, limits.speed))
+
+
+class Course:
+    """The plan that a player follows, and the branches that lead out of it."""
+
+    plan: ServoPlan
+
+    def __init__(self, plan: ServoPlan, ways: Sequence[ServoPlan] = ()) -> None:
+        self.plan, self._targets = plan, list(plan.angles)
+        self._ways = {parting(plan, way): way for way in ways}
+        self._switch = -1
+        self.stopping = False
+        """Whether somebody asked to stop."""
+
+    @property
+    def last(self) -> int:
+        """The last row."""
+        return len(self._targets) - 1
+
+    def stop(self, row: int) -> bool:
+        """Take the next branch after a row; without another one the plan continues to its own stand.
+
+        Returns:
+            Whether there is a way into a stand and none was requested before.
+        """
+        if self.stopping or not self._ways:
+            return False
+        self.stopping, ahead = True, [parts for parts in self._ways if parts > row]
+        self._switch = min(ahead, default=-1)
+        return True
+
+    def remaining(self, row: int) -> float:
+        """Return the time from a row to the end [s]."""
+        end = len(self._ways[self._switch].angles) - 1 if self._switch >= 0 else self.last
+        return (end - row) / self.plan.rate
+
+    def reach(self, row: int) -> bool:
+        """Go on to a row, in the branch from where it parts; return whether it parts here."""
+        if not 0 <= self._switch <= row:
+            return False
+        self.plan = self._ways[self._switch]
+        self._targets, self._switch = list(self.plan.angles), -1
+        return True
+
+    def target(self, row: int) -> np.ndarray:
+        """Return the goals (n,) of a row [rad]: the same object at every call."""
+        return self._targets[min(row, self.last)]
+
+
+def parting(plan: ServoPlan, way: ServoPlan) -> int:
+    """Return the first row of a branch that differs from the plan."""
+    shared = min(len(plan.angles), len(way.angles))
+    differ = np.flatnonzero((plan.angles[:shared] != way.angles[:shared]).any(axis=1))
+    return int(differ[0]) if differ.size else shared
 
 
 def _vertical(trajectory: Trajectory) -> Floats | None:
