@@ -17,11 +17,10 @@ from robot_retarget.actuators.goals import Goals
 from robot_retarget.base.errors import ServoError, UsageError
 from robot_retarget.base.untrusted.documents import sealed
 from robot_retarget.servo.host import Interrupts
+from robot_retarget.servo.judgement import Piece, Playlist, judged_ways, read_playlist, require_same_stands
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions, PlaybackOutcome
 from robot_retarget.servo.plan import Course, ServoPlan, goal_plan, parting
 from robot_retarget.servo.play import play
-from robot_retarget.servo.playlist import Piece, Playlist, read_playlist, require_same_stands
-from robot_retarget.servo.ways import judged_ways
 from robot_retarget.tools.cli import app
 from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory
 

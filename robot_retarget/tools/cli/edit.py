@@ -143,7 +143,7 @@ def stops(
     """
     from robot_retarget.base.files import replacing_folder
     from robot_retarget.edit.cuts import ways_into_stand
-    from robot_retarget.servo.ways import FOLDER
+    from robot_retarget.servo.judgement import FOLDER
     from robot_retarget.trajectory import load_trajectory
 
     model, played = robot.load(on.servos), load_trajectory(source.trajectory)

@@ -16,9 +16,9 @@ from robot_retarget.tools.cli.run import judged_plain
 
 if TYPE_CHECKING:
     from robot_retarget.actuators.map import ServoMap
+    from robot_retarget.servo.judgement import Piece
     from robot_retarget.servo.outcome import PlaybackOutcome
     from robot_retarget.servo.plan import ServoPlan
-    from robot_retarget.servo.playlist import Piece
     from robot_retarget.trajectory import Trajectory
 
 
@@ -97,10 +97,10 @@ class PlayOptions(BaudOptions):
 def play(how: PlayOptions, printing: PrintOptions) -> None:
     """Send the goals of a trajectory that passed to Dynamixel servos. Exit code 1 when it was stopped."""
     from robot_retarget.base.files import require_writable
+    from robot_retarget.servo.judgement import Piece, require_same_stands
     from robot_retarget.servo.outcome import PlaybackOptions
     from robot_retarget.servo.play import play as perform
     from robot_retarget.servo.play import preview
-    from robot_retarget.servo.playlist import Piece, require_same_stands
     from robot_retarget.trajectory import load_trajectory
 
     options = PlaybackOptions(how.end_pose, how.release, grace=how.grace, test_lean=how.test_lean)
@@ -154,10 +154,8 @@ def _await(port: Path, wait: float) -> None:
 
 def _judged(how: PlayOptions, servo_map: "ServoMap") -> "tuple[list[Piece], float]":
     """Return the goals that passed, and the largest tracking error of a joint (rms) that was judged [rad]."""
-    from robot_retarget.servo.judgement import require_judged
+    from robot_retarget.servo.judgement import Piece, judged_ways, require_judged
     from robot_retarget.servo.plan import goal_plan
-    from robot_retarget.servo.playlist import Piece
-    from robot_retarget.servo.ways import judged_ways
     from robot_retarget.trajectory import load_trajectory
 
     trajectory = load_trajectory(how.trajectory)
@@ -175,7 +173,7 @@ def _judged(how: PlayOptions, servo_map: "ServoMap") -> "tuple[list[Piece], floa
 
 def _listed(how: PlayOptions, servo_map: "ServoMap") -> "tuple[list[Piece], float]":
     """Return the pieces of a playlist, all judged, and the largest of their tracking errors [rad]."""
-    from robot_retarget.servo.playlist import read_playlist
+    from robot_retarget.servo.judgement import read_playlist
 
     playlist = read_playlist(how.trajectory)
     files = {*playlist.files, *([playlist.idle] if playlist.idle else [])}
