@@ -3,7 +3,7 @@
 import robot_retarget as rr
 from robot_retarget.actuators.map import load_map
 from robot_retarget.base.files import SAMPLES
-from robot_retarget.servo.emulated import play_emulated
+from robot_retarget.servo.play import play_emulated
 
 robot = rr.load_robot("op3")
 motion = rr.read_motion(SAMPLES / "wave.bvh").frames(0, 30)

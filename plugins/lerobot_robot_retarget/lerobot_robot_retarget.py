@@ -19,9 +19,9 @@ from lerobot.utils.errors import DeviceAlreadyConnectedError, DeviceNotConnected
 from robot_retarget.actuators.map import load_map
 from robot_retarget.live.sinks.servos import ServoSink
 from robot_retarget.robot import load_robot
-from robot_retarget.servo.emulated import emulator_process
 from robot_retarget.servo.live import follow
 from robot_retarget.servo.outcome import PlaybackOutcome
+from robot_retarget.servo.play import emulator_process
 
 EMULATED = "emulated"
 ENGAGED = 20.0

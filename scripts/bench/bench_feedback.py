@@ -37,10 +37,9 @@ from robot_retarget.judge.figures import fall_figures
 from robot_retarget.judge.plant import Plant
 from robot_retarget.judge.rollout import plant_of, rollouts
 from robot_retarget.judge.worlds import Spread, draws
-from robot_retarget.servo.emulated import emulator_process
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions
 from robot_retarget.servo.plan import goal_plan
-from robot_retarget.servo.play import play
+from robot_retarget.servo.play import emulator_process, play
 from robot_retarget.trajectory import Trajectory, load_trajectory
 
 HARD = Spread(

@@ -27,7 +27,7 @@ from robot_retarget.live.protocols.vmc import VmcDecoder
 from robot_retarget.live.receiver import Receiver
 from robot_retarget.live.send import send
 from robot_retarget.live.sinks.servos import ServoSink, run_servos
-from robot_retarget.servo.emulated import emulator_process
+from robot_retarget.servo.play import emulator_process
 
 HOST = "127.0.0.1"
 WARM = 3.0

@@ -25,7 +25,7 @@ from robot_retarget.judge.plant import Mode
 from robot_retarget.judge.playback import plain_goals, roll_out
 from robot_retarget.judge.rollout import plant_of
 from robot_retarget.robot.timing import sample_hinges
-from robot_retarget.servo.emulated import play_emulated
+from robot_retarget.servo.play import play_emulated
 from robot_retarget.trajectory import Trajectory
 
 

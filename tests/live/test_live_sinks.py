@@ -22,8 +22,8 @@ from robot_retarget.live.sinks.servos import ServoSink, run_servos
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.contacts import replay_contacts
 from robot_retarget.servo.cycle import Guard
-from robot_retarget.servo.emulated import emulator_process
 from robot_retarget.servo.link import JointScale
+from robot_retarget.servo.play import emulator_process
 
 OP3 = load_robot("op3")
 

@@ -219,7 +219,7 @@ def played_on_emulated(robot: str, folder: Path) -> "PlaybackOutcome | None":
     """Play the folder's trajectory on an emulated bus with the robot's model behind it; None for a robot without a servo map."""
     from robot_retarget.actuators.map import load_map
     from robot_retarget.base.files import MODELS
-    from robot_retarget.servo.emulated import play_emulated
+    from robot_retarget.servo.play import play_emulated
     from robot_retarget.trajectory import load_trajectory
 
     if not (MODELS / robot / "servos.toml").is_file():

@@ -223,7 +223,7 @@ def _to_physics(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str,
 def _to_servos(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str, Any], int]:
     from robot_retarget.base.files import require_writable
     from robot_retarget.live.sinks.servos import ServoSink, run_servos
-    from robot_retarget.servo.emulated import emulator_process
+    from robot_retarget.servo.play import emulator_process
 
     servo_map = _map_of(poses.robot, place.servos)
     if not place.serial:
