@@ -14,11 +14,11 @@ from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.bus import Bus, NoAnswerError, PortLostError, StatusError, slow_adapter
 from robot_retarget.servo.check import require_fit
 from robot_retarget.servo.cycle import Cycle, Guard, Judge, Step
-from robot_retarget.servo.fall import FallGuard
 from robot_retarget.servo.host import Interrupts, real_time, wait_until, without_sleep_states
 from robot_retarget.servo.link import Link
 from robot_retarget.servo.outcome import FaultError, HeatError, PlaybackEnd, PlaybackOptions, PlaybackOutcome, Record
 from robot_retarget.servo.plan import Course, ServoPlan, glide
+from robot_retarget.servo.watch import FallGuard
 
 # Engage a robot without a jump, leave it holding, release it.
 

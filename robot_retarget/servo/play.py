@@ -18,14 +18,12 @@ from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.check import require_fit
 from robot_retarget.servo.cycle import Cycle, Step
-from robot_retarget.servo.fall import FallGuard
-from robot_retarget.servo.feedback import Balancer, require_sound
 from robot_retarget.servo.judgement import Piece
 from robot_retarget.servo.link import JointScale
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions, PlaybackOutcome, Record
 from robot_retarget.servo.performance import Performance, perform
 from robot_retarget.servo.plan import ServoPlan, glide, goal_plan, plain_plan
-from robot_retarget.servo.sensor import open_sensor
+from robot_retarget.servo.watch import Balancer, FallGuard, open_sensor, require_sound
 from robot_retarget.trajectory import Trajectory
 
 

@@ -12,10 +12,10 @@ import robot_retarget as rr
 from robot_retarget.actuators.balance_tables import Balance, Imu
 from robot_retarget.actuators.inertial import LEVEL, Reading
 from robot_retarget.actuators.map import load_map
-from robot_retarget.servo.fall import FallGuard
 from robot_retarget.servo.outcome import FaultError, PlaybackEnd, PlaybackOptions
 from robot_retarget.servo.plan import ServoPlan, plain_plan
 from robot_retarget.servo.play import play
+from robot_retarget.servo.watch import FallGuard
 
 OP3, OP3_MAP = rr.load_robot("op3"), load_map("op3")
 QUICK_OP3 = replace(OP3_MAP, limits=replace(OP3_MAP.limits, approach_time=0.2))

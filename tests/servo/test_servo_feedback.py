@@ -21,11 +21,10 @@ from robot_retarget.actuators.map import ServoMap, load_map
 from robot_retarget.base.errors import ServoError
 from robot_retarget.base.files import MODELS as SHIPPED
 from robot_retarget.servo.bus import Bus
-from robot_retarget.servo.opencr import OpenCr, decoded, encoded
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions
 from robot_retarget.servo.plan import goal_plan
 from robot_retarget.servo.play import play
-from robot_retarget.servo.sensor import LineSensor
+from robot_retarget.servo.watch import LineSensor, OpenCr, decoded, encoded
 
 OP3, OP3_MAP = rr.load_robot("op3"), load_map("op3")
 IMU = OP3_MAP.imu or Imu()

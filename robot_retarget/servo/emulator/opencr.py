@@ -8,8 +8,8 @@ from robot_retarget.actuators.balance_tables import Imu
 from robot_retarget.actuators.inertial import Reading
 from robot_retarget.base.arrays import Floats
 from robot_retarget.servo import protocol
-from robot_retarget.servo.opencr import GYRO, TABLE_END, encoded
 from robot_retarget.servo.protocol import DynamixelPacket, Error, Instruction
+from robot_retarget.servo.watch import GYRO, TABLE_END, encoded
 
 MODEL = bytes((0x00, 0x73))
 """Model number, which no host of ours reads for more than an answer."""
