@@ -1,7 +1,7 @@
 """Compare the servos on the bus with the map."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
 
 from robot_retarget.actuators.control_tables import HARDWARE_ERRORS, model_numbered
 from robot_retarget.actuators.map import Servo, ServoMap
@@ -157,3 +157,27 @@ def _state(condition: Condition, servo_map: ServoMap) -> Iterator[ServoFinding]:
 def hardware_errors(bits: int) -> str:
     """The names of the bits of register 70."""
     return ", ".join(name for bit, name in HARDWARE_ERRORS.items() if bits >> bit & 1) or f"bits {bits:#x}"
+
+
+# The zero pose of a robot, recorded in the map. The servos' homing offsets stay 0: some firmware moves by them.
+
+
+def record_zeros(bus: Bus, servo_map: ServoMap, joints: Collection[str]) -> ServoMap:
+    """A map whose zeros are where the servos of `joints` stand now.
+
+    Raises:
+        ServoError: a joint is unknown, a servo is silent, or its torque is on: a pose is set by hand.
+    """
+    for joint in joints:
+        servo_map[joint]
+    servos = []
+    for servo in servo_map.servos:
+        if servo.joint in joints:
+            registers = servo.type.registers
+            if bus.value(servo.id, registers["torque_enable"]):
+                raise ServoError(
+                    f"{servo.joint} (servo {servo.id}): torque is on; a zero pose is set by hand, torque off"
+                )
+            servo = replace(servo, zero=bus.value(servo.id, registers["present_position"]))
+        servos.append(servo)
+    return replace(servo_map, servos=tuple(servos))

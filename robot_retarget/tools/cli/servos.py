@@ -158,7 +158,7 @@ def calibrate(
     from robot_retarget.actuators.map import with_zeros
     from robot_retarget.base.files import write_text
     from robot_retarget.servo.bus import Bus
-    from robot_retarget.servo.calibrate import record_zeros
+    from robot_retarget.servo.check import record_zeros
 
     servo_map = at.load()
     with Bus(at.port, servo_map.baud) as bus:
