@@ -47,7 +47,7 @@ LIBRARIES = {
         "formats/bodies.py",
         "formats/scenes/",
         "servo/twin.py",
-        "servo/window.py",
+        "servo/twin.py",
         "live/sinks/physics.py",
     ),
     "dynamixel_sdk": ("servo/bus.py",),

@@ -12,7 +12,7 @@ from robot_retarget.judge.rollout import plant_of
 from robot_retarget.live.loop import LivePose
 from robot_retarget.robot import Robot
 from robot_retarget.servo.live import TargetStream
-from robot_retarget.servo.window import ViewerWindow
+from robot_retarget.servo.twin import ViewerWindow
 
 BEHIND = 0.1
 """Largest lag that the physics makes up for at once [s]; longer lags are dropped."""
