@@ -1,8 +1,7 @@
 """The position controller of a servo: from goal and gains to the duty of the motor."""
 
 from robot_retarget.actuators.motors import FULL_PWM
-from robot_retarget.servo.emulator.modes import CURRENT_POSITION, POSITIONS
-from robot_retarget.servo.emulator.registers import Registers
+from robot_retarget.servo.emulator.registers import CURRENT_POSITION, POSITIONS, Registers
 from robot_retarget.servo.emulator.shaft import Shaft
 
 

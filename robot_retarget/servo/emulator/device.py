@@ -11,11 +11,20 @@ from robot_retarget.actuators.control_tables import (
     WATCHDOG_UNIT,
     Model,
 )
-from robot_retarget.servo.emulator.access import collect, refusal, resolved_runs, shut_down
 from robot_retarget.servo.emulator.control import drive
-from robot_retarget.servo.emulator.modes import GOALS, LIMITED, POSITION, POSITIONS, TORQUE_BY_GOAL
 from robot_retarget.servo.emulator.motor import EmulatedMotor
-from robot_retarget.servo.emulator.registers import Registers
+from robot_retarget.servo.emulator.registers import (
+    GOALS,
+    LIMITED,
+    POSITION,
+    POSITIONS,
+    TORQUE_BY_GOAL,
+    Registers,
+    collect,
+    refusal,
+    resolved_runs,
+    shut_down,
+)
 from robot_retarget.servo.emulator.shaft import Shaft
 from robot_retarget.servo.emulator.write_log import WriteLog
 from robot_retarget.servo.protocol import ALERT, CLEAR_MULTI_TURN, Error

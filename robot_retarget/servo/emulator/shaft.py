@@ -2,10 +2,9 @@
 
 from robot_retarget.actuators.motors import FULL_PWM, TICKS_PER_TURN
 from robot_retarget.servo.emulator import profile
-from robot_retarget.servo.emulator.modes import HOMING_REACH, POSITION, REVERSE, TIME_BASED
 from robot_retarget.servo.emulator.motor import EmulatedMotor
 from robot_retarget.servo.emulator.profile import Profile
-from robot_retarget.servo.emulator.registers import Registers
+from robot_retarget.servo.emulator.registers import HOMING_REACH, POSITION, REVERSE, TIME_BASED, Registers
 
 IN_POSITION = 20
 """Distance from its goal within which a servo is in position [ticks]."""
