@@ -11,8 +11,7 @@ from robot_retarget.actuators.control_tables import (
     WATCHDOG_UNIT,
     Model,
 )
-from robot_retarget.servo.emulator.control import drive
-from robot_retarget.servo.emulator.motor import EmulatedMotor
+from robot_retarget.servo.emulator.motor import EmulatedMotor, Shaft, drive
 from robot_retarget.servo.emulator.registers import (
     GOALS,
     LIMITED,
@@ -25,7 +24,6 @@ from robot_retarget.servo.emulator.registers import (
     resolved_runs,
     shut_down,
 )
-from robot_retarget.servo.emulator.shaft import Shaft
 from robot_retarget.servo.emulator.write_log import WriteLog
 from robot_retarget.servo.protocol import ALERT, CLEAR_MULTI_TURN, Error
 

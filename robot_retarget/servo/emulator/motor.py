@@ -1,7 +1,7 @@
 """What turns inside a servo: the position controller, and a plain motor on a load."""
 
 from dataclasses import dataclass, field
-from math import exp, sin, tau
+from math import exp, sin, sqrt, tau
 
 from robot_retarget.actuators.control_tables import Model
 from robot_retarget.actuators.motors import (
@@ -12,6 +12,15 @@ from robot_retarget.actuators.motors import (
     Pendulum,
     mechanics_of,
     next_speed,
+)
+from robot_retarget.servo.emulator.registers import (
+    CURRENT_POSITION,
+    HOMING_REACH,
+    POSITION,
+    POSITIONS,
+    REVERSE,
+    TIME_BASED,
+    Registers,
 )
 
 RADIANS = tau / TICKS_PER_TURN
@@ -105,3 +114,184 @@ class EmulatedMotor:
     def switch_off(self) -> None:
         """Torque off."""
         self.duty = self.integral = self.strained = 0.0
+
+
+# The path from where a goal position finds the servo to the goal: step, rectangle, triangle or trapezoid of speed.
+
+VELOCITY = 0.229 * TICKS_PER_TURN / 60
+"""One raw unit of velocity [ticks/s]."""
+ACCELERATION = 214.577 * TICKS_PER_TURN / 3600
+"""One raw unit of acceleration [ticks/s²]."""
+
+STEP, RECTANGLE, TRIANGLE, TRAPEZOID = 0x00, 0x10, 0x20, 0x30
+"""Bits 4 and 5 of `moving_status`."""
+
+
+@dataclass(frozen=True)
+class Profile:
+    """A point-to-point path in ticks: accelerate, cruise, brake."""
+
+    start: float
+    distance: float
+    """Signed [ticks]."""
+    speed: float
+    """Reached in the middle [ticks/s]."""
+    ramp: float
+    """Duration of speeding up and of braking [s]."""
+    total: float
+    """Duration [s]; 0 for a step."""
+    kind: int
+
+    def position(self, time: float) -> float:
+        """Where the path is after `time` [s]."""
+        if time >= self.total:
+            return self.start + self.distance
+        sign = 1 if self.distance >= 0 else -1
+        if time < self.ramp:
+            return self.start + sign * self.speed * time * time / (2 * self.ramp)
+        left = self.total - time
+        if left < self.ramp:
+            return self.start + self.distance - sign * self.speed * left * left / (2 * self.ramp)
+        return self.start + sign * self.speed * (time - self.ramp / 2)
+
+    def velocity(self, time: float) -> float:
+        """How fast the path is after `time` [ticks/s]."""
+        if time >= self.total:
+            return 0.0
+        sign = 1 if self.distance >= 0 else -1
+        share = min(1.0, time / self.ramp, (self.total - time) / self.ramp) if self.ramp else 1.0
+        return sign * self.speed * share
+
+
+def velocity_based(start: float, goal: float, velocity: int, acceleration: int) -> Profile:
+    """t₁ = V / A, t₂ = Δ / V, t₃ = t₁ + t₂; a triangle where V is not reached. V = 0 is a step, A = 0 a rectangle."""
+    distance = goal - start
+    speed, pull = velocity * VELOCITY, acceleration * ACCELERATION
+    if not speed or not distance:
+        return Profile(start, distance, 0.0, 0.0, 0.0, STEP)
+    if not pull:
+        return Profile(start, distance, speed, 0.0, abs(distance) / speed, RECTANGLE)
+    if speed * speed / pull > abs(distance):
+        speed = sqrt(pull * abs(distance))
+        return Profile(start, distance, speed, speed / pull, 2 * speed / pull, TRIANGLE)
+    return Profile(start, distance, speed, speed / pull, speed / pull + abs(distance) / speed, TRAPEZOID)
+
+
+def time_based(start: float, goal: float, total_ms: int, ramp_ms: int) -> Profile:
+    """Both durations given [ms]; the ramp is at most half of the whole. 0 ms is a step."""
+    distance = goal - start
+    total = total_ms / 1000
+    ramp = min(ramp_ms / 1000, total / 2)
+    if not total or not distance:
+        return Profile(start, distance, 0.0, 0.0, 0.0, STEP)
+    kind = RECTANGLE if not ramp else TRIANGLE if 2 * ramp >= total else TRAPEZOID
+    return Profile(start, distance, abs(distance) / (total - ramp), ramp, total, kind)
+
+
+# What hosts see of a servo's shaft: reversed, offset, folded to a turn; and the path it is on.
+
+IN_POSITION = 20
+"""Distance from its goal within which a servo is in position [ticks]."""
+FOLLOWING_ERROR = 100
+"""Distance from its path beyond which it reports a following error [ticks]."""
+
+
+class Shaft:
+    """The motor's encoder as the registers show it, and the profile from the last goal."""
+
+    registers: Registers
+    motor: EmulatedMotor
+
+    def __init__(self, registers: Registers, motor: EmulatedMotor) -> None:
+        self.registers, self.motor = registers, motor
+        self.path: Profile = velocity_based(0.0, 0.0, 0, 0)
+        self.since: float = 0.0
+        """When the path began [s]."""
+
+    @property
+    def direction(self) -> int:
+        """−1 in reverse mode."""
+        return -1 if self.registers["drive_mode"] & REVERSE else 1
+
+    @property
+    def offset(self) -> int:
+        """The homing offset, if it has an effect [ticks]."""
+        offset = self.registers["homing_offset"]
+        single = self.registers["operating_mode"] == POSITION
+        return 0 if single and abs(offset) > HOMING_REACH else offset
+
+    def to_present(self, ticks: float) -> float:
+        """Present position for an encoder position: reversed, then offset."""
+        return (TICKS_PER_TURN - ticks if self.direction < 0 else ticks) + self.offset
+
+    def to_encoder(self, ticks: float) -> float:
+        """Encoder position for a present position."""
+        ticks -= self.offset
+        return TICKS_PER_TURN - ticks if self.direction < 0 else ticks
+
+    @property
+    def present(self) -> float:
+        """Present position, unrounded [ticks]."""
+        return self.to_present(self.motor.position)
+
+    def drop_turns(self) -> None:
+        """Forget full turns."""
+        self.motor.position %= TICKS_PER_TURN
+
+    def start(self, goal: float, now: float) -> None:
+        """Begin a path from where the present one is to a goal."""
+        r, here = self.registers, self.path.position(now - self.since)
+        kind = time_based if r["drive_mode"] & TIME_BASED else velocity_based
+        self.path, self.since = kind(here, goal, r["profile_velocity"], r["profile_acceleration"]), now
+
+    def set_stationary(self, goal: float, now: float) -> None:
+        """A path that is at its end already."""
+        self.path, self.since = velocity_based(goal, goal, 0, 0), now
+
+    def running(self, now: float) -> bool:
+        """Whether the path is not over."""
+        return now - self.since < self.path.total
+
+    def publish(self, now: float, torque: bool) -> None:
+        """Bring the registers of position, speed and effort up to date."""
+        r, motor, elapsed = self.registers, self.motor, now - self.since
+        r["present_position"] = round(self.present)
+        r["present_velocity"] = round(self.direction * motor.velocity / VELOCITY)
+        r["present_pwm"] = round(self.direction * motor.duty * FULL_PWM)
+        if "present_current" in r:
+            r["present_current"] = round(self.direction * motor.current / motor.model.current_unit)
+        else:
+            r["present_load"] = round(self.direction * motor.duty * 1000)
+        r["velocity_trajectory"] = round(self.path.velocity(elapsed) / VELOCITY)
+        r["position_trajectory"] = round(self.path.position(elapsed))
+        r["moving"] = int(self.moving(now, torque))
+        r["moving_status"] = self._status(now, torque)
+
+    def moving(self, now: float, torque: bool) -> bool:
+        """Whether the path runs or the shaft turns."""
+        threshold = self.registers["moving_threshold"] * VELOCITY
+        return (torque and self.running(now)) or abs(self.motor.velocity) > threshold
+
+    def _status(self, now: float, torque: bool) -> int:
+        off = abs(self.path.position(now - self.since) - self.present)
+        arrived = abs(self.registers["goal_position"] - self.present) < IN_POSITION
+        running = torque and self.running(now)
+        lags = torque and off > FOLLOWING_ERROR
+        return arrived | 2 * running | 8 * lags | (self.path.kind if running else 0)
+
+
+# The position controller of a servo: from goal and gains to the duty of the motor.
+
+
+def drive(mode: int, r: Registers, shaft: Shaft, now: float, dt: float) -> None:
+    """Set the motor's duty for the next `dt` [s]; modes that do not control the position leave the motor without current."""
+    motor, elapsed = shaft.motor, now - shaft.since
+    if mode not in POSITIONS:
+        motor.duty = 0.0
+        return
+    limit = abs(r["goal_pwm"]) / FULL_PWM
+    if mode == CURRENT_POSITION:
+        limit = min(limit, abs(r["goal_current"]) * motor.model.current_unit / motor.model.motor.stall_current)
+    gains = r["position_p_gain"], r["position_i_gain"], r["position_d_gain"]
+    target = shaft.to_encoder(shaft.path.position(elapsed))
+    motor.control_position(target, shaft.direction * shaft.path.velocity(elapsed), gains, limit, dt)
