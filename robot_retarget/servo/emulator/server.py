@@ -18,10 +18,9 @@ from typing import Any
 
 from robot_retarget.actuators.control_tables import BAUDS, XM430_W350
 from robot_retarget.base.errors import ServoError
-from robot_retarget.servo.emulator.faults import FaultInjector, Wire
 from robot_retarget.servo.emulator.network import Network
 from robot_retarget.servo.emulator.wire_timing import WireTiming
-from robot_retarget.servo.emulator.world import World
+from robot_retarget.servo.emulator.world import FaultInjector, Wire, World
 from robot_retarget.servo.host import real_time
 from robot_retarget.servo.protocol import DynamixelPacket, Instruction, Parser
 
