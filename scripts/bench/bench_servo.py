@@ -24,7 +24,7 @@ import numpy as np
 from robot_retarget.actuators.map import ServoMap, load_map
 from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.check import check
-from robot_retarget.servo.emulator.wire_timing import TURNAROUND
+from robot_retarget.servo.emulator.server import TURNAROUND
 from robot_retarget.servo.host import real_time, without_sleep_states
 from robot_retarget.servo.link import READING, Link
 from robot_retarget.servo.outcome import PlaybackOptions

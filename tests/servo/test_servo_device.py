@@ -12,7 +12,7 @@ from robot_retarget.servo import protocol
 from robot_retarget.servo.emulator.device import Device, rested
 from robot_retarget.servo.emulator.motor import ACCELERATION, OVERLOAD_TIME, VELOCITY, time_based, velocity_based
 from robot_retarget.servo.emulator.network import Network
-from robot_retarget.servo.emulator.wire_timing import TURNAROUND, WireTiming
+from robot_retarget.servo.emulator.server import TURNAROUND, WireTiming
 from robot_retarget.servo.emulator.world import World
 from robot_retarget.servo.protocol import BROADCAST, DynamixelPacket, Error, Instruction, Parser, frame
 

@@ -12,8 +12,7 @@ from robot_retarget.base.errors import ServoError
 from robot_retarget.base.files import MODELS
 from robot_retarget.servo.emulator.device import rested
 from robot_retarget.servo.emulator.network import Board, Network
-from robot_retarget.servo.emulator.server import Server
-from robot_retarget.servo.emulator.wire_timing import WireTiming
+from robot_retarget.servo.emulator.server import Server, WireTiming
 from robot_retarget.servo.emulator.world import World
 
 if TYPE_CHECKING:

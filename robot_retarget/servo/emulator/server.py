@@ -12,6 +12,7 @@ import time
 import tty
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -19,10 +20,38 @@ from typing import Any
 from robot_retarget.actuators.control_tables import BAUDS, XM430_W350
 from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.emulator.network import Network
-from robot_retarget.servo.emulator.wire_timing import WireTiming
 from robot_retarget.servo.emulator.world import FaultInjector, Wire, World
 from robot_retarget.servo.host import real_time
 from robot_retarget.servo.protocol import DynamixelPacket, Instruction, Parser
+
+# Transfer times of a real wire, servo and USB adapter.
+
+TURNAROUND = 50e-6
+"""From the end of a request, or of another servo's answer, to the start of a servo's answer [s]."""
+
+
+@dataclass
+class WireTiming:
+    """The clock of a bus; times in seconds. A baud rate of None makes everything immediate."""
+
+    baud: int | None = None
+    usb_latency: float = 0.0
+    """Latency of the adapter [s]."""
+    free: float = 0.0
+    """Time at which the wire is next free [s]."""
+
+    def request(self, now: float, size: int) -> None:
+        """Occupy the wire with a request of `size` bytes."""
+        if self.baud:
+            self.free = max(now, self.free) + size * 10 / self.baud
+
+    def answer(self, now: float, size: int, delay: float) -> float:
+        """Return the time at which the host has an answer of `size` bytes, sent after a return delay [s]."""
+        if not self.baud:
+            return now
+        self.free = max(now, self.free) + TURNAROUND + delay + size * 10 / self.baud
+        return self.free + self.usb_latency
+
 
 SILENCE = 0.01
 """The rest of a frame that has not come after this is not coming [s]."""

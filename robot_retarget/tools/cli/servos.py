@@ -13,7 +13,7 @@ from robot_retarget.tools.cli.options import OUT, BaudOptions, PrintOptions
 if TYPE_CHECKING:
     from robot_retarget.actuators.map import ServoMap
     from robot_retarget.actuators.motors import Pendulum
-    from robot_retarget.servo.emulator.wire_timing import WireTiming
+    from robot_retarget.servo.emulator.server import WireTiming
 
 servos: typer.Typer = typer.Typer(
     no_args_is_help=True, rich_markup_mode=None, help="Dynamixel servos, real or emulated."
@@ -244,7 +244,7 @@ def _pendulum(text: str) -> "Pendulum":
 
 
 def _pace(baud: int | None, usb_latency: float) -> "WireTiming":
-    from robot_retarget.servo.emulator.wire_timing import WireTiming
+    from robot_retarget.servo.emulator.server import WireTiming
 
     if usb_latency and baud is None:
         raise UsageError("--usb-latency needs --baud")
