@@ -9,8 +9,8 @@ from shared_files import ROOT
 from robot_retarget.actuators.control_tables import OVERLOAD
 from robot_retarget.actuators.map import Servo, ServoMap, load_map
 from robot_retarget.base.errors import ServoError
+from robot_retarget.servo.emulator import scene_of
 from robot_retarget.servo.emulator.device import rested
-from robot_retarget.servo.emulator.run import scene_of
 from robot_retarget.servo.emulator.world import World
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions
 from robot_retarget.servo.play import play_emulated

@@ -83,7 +83,7 @@ class EmulateOptions(MapNameOptions):
 def emulate(how: EmulateOptions) -> None:
     """Run an emulated bus on a pseudo terminal; prints `ready PATH`, stops on SIGTERM."""
     from robot_retarget.actuators.map import load_map
-    from robot_retarget.servo.emulator.run import emulator, scene_of
+    from robot_retarget.servo.emulator import emulator, scene_of
 
     if how.view and not how.physics:
         raise UsageError("--view needs --physics: without it there is no robot to show")
