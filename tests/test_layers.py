@@ -45,7 +45,7 @@ LIBRARIES = {
         "scores/",
         "tools/view/",
         "formats/bodies.py",
-        "formats/scenes/",
+        "formats/mujoco_files.py",
         "servo/twin.py",
         "servo/twin.py",
         "live/sinks/physics.py",

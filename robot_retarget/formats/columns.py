@@ -1,15 +1,61 @@
-"""Columns of a robot-motion file, and the trajectory of a robot that they describe."""
+"""Columns of a robot-motion file, arrays by their names, orders of quaternions, and the trajectory of a robot that they describe."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Floats, Ints
-from robot_retarget.base.errors import TrajectoryError, UsageError, known
-from robot_retarget.formats.options import SKIPPED, FormatOptions
+from robot_retarget.base.errors import FileError, TrajectoryError, UsageError, known
+from robot_retarget.base.untrusted.arrays import rate_of, shaped
+from robot_retarget.formats.robot_motion import SKIPPED, FormatOptions
 from robot_retarget.robot.model import Robot
 from robot_retarget.scene import Scene
 from robot_retarget.trajectory import Trajectory
+
+LAST_FIRST = (1, 2, 3, 0)
+"""w x y z → x y z w."""
+FIRST_LAST = (3, 0, 1, 2)
+"""x y z w → w x y z."""
+ORDERS = ("wxyz", "xyzw")
+UPRIGHT = 0.5
+"""Gain of uprightness in the other order that makes the order doubtful [cosine of the root's lean]."""
+
+
+def reordered(quaternion: Floats, format: str, given: str) -> Floats:
+    """(T, 4) w x y z from quaternions that were read in the format's order and are in the user's order.
+
+    Raises:
+        UsageError: the order is unknown, or the format holds no quaternion.
+    """
+    if given not in ORDERS or format not in ORDERS:
+        what = "the format holds no quaternion" if format not in ORDERS else f"no order {given!r} of quaternions"
+        raise UsageError(f"--quaternion: {what}; {known(ORDERS)}")
+    if given == format:
+        return quaternion
+    return quaternion[:, LAST_FIRST if format == "xyzw" else FIRST_LAST]
+
+
+def doubt(quaternion: Floats, format: str, robot: Robot) -> tuple[str, ...]:
+    """A sentence where the robot would stand far more upright if the quaternions were in the other order."""
+    if format not in ORDERS or not robot.floating:
+        return ()
+    other = ORDERS[1 - ORDERS.index(format)]
+    read, swapped = (_upright(values, robot) for values in (quaternion, reordered(quaternion, format, other)))
+    if swapped < read + UPRIGHT:
+        return ()
+    return (f"Read as {format} the robot leans or lies; as {other} it would stand: if so, say --quaternion {other}.",)
+
+
+def _upright(quaternion: Floats, robot: Robot) -> float:
+    """Median cosine between the vertical and the root's axis that is vertical in the standing pose."""
+    start = robot.root_address + 3
+    stands = Rotation.from_quat(robot.standing()[start : start + 4], scalar_first=True)
+    turns = Rotation.from_quat(quaternion, scalar_first=True)
+    return float(np.median((turns * stands.inv()).apply([0.0, 0.0, 1.0])[:, 2]))
+
 
 UNIT = 0.05
 """Largest deviation of a quaternion's norm from one; beyond it the columns are out of order. Straight interpolation between
@@ -53,6 +99,59 @@ class Columns:
             if values is not None and not np.isfinite(values).all():
                 frame, column = np.argwhere(~np.isfinite(values))[0]
                 raise TrajectoryError(f"{what} is not finite at frame {frame}, column {column}")
+
+
+def holds(value: Any, *keys: str) -> bool:
+    """Whether a value is a dictionary with these keys."""
+    return isinstance(value, Mapping) and all(key in value for key in keys)
+
+
+def array_in(table: Any, key: str, shape: tuple[int | None, ...]) -> Floats:
+    """An array, or lists of numbers, by its key.
+
+    Raises:
+        FileError: it is not there or has another shape.
+    """
+    if not holds(table, key):
+        raise FileError(f"no {key!r}; {known(table) if isinstance(table, Mapping) else 'no table of arrays'}")
+    try:
+        return shaped(np.asarray(table[key]), shape, key)
+    except ValueError as error:
+        raise FileError(f"{key!r} is no array: {error}") from error
+
+
+@dataclass(frozen=True)
+class ArrayKeys:
+    """Names of the arrays of root and joints in a dictionary or an archive."""
+
+    position: str
+    quaternion: str
+    angles: str
+    order: str = "wxyz"
+    """Of the quaternions."""
+    bodies: bool = False
+    """Whether the arrays hold all bodies, the root first."""
+
+    @property
+    def required(self) -> tuple[str, str, str]:
+        """The names of all three."""
+        return self.position, self.quaternion, self.angles
+
+
+def keyed(table: Any, keys: ArrayKeys, names: tuple[str, ...] | None) -> Columns:
+    """Return the columns of arrays by their names.
+
+    Raises:
+        FileError: an array is not there, or has another shape.
+    """
+    angles = array_in(table, keys.angles, (None, None))
+    bodies: tuple[None, ...] = (None,) if keys.bodies else ()
+    position = array_in(table, keys.position, (len(angles), *bodies, 3))
+    quaternion = array_in(table, keys.quaternion, (len(angles), *position.shape[1:-1], 4))
+    if keys.bodies:
+        position, quaternion = position[:, 0], quaternion[:, 0]
+    turned = quaternion if keys.order == "wxyz" else quaternion[:, FIRST_LAST]
+    return Columns(angles, names, position, turned, rate_of(table))
 
 
 def assembled(columns: Columns, robot: Robot, options: FormatOptions, fps: float | None = None) -> Trajectory:

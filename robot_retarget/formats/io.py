@@ -3,24 +3,89 @@
 from dataclasses import replace
 from pathlib import Path
 
+from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import FileError, TrajectoryError, UsageError, known
 from robot_retarget.base.files import replacing, replacing_folder, require_writable, write_text
 from robot_retarget.base.untrusted.limits import refusing
-from robot_retarget.formats.columns import Columns, assembled
-from robot_retarget.formats.companion import among_bodies, companion_path, write_companion
-from robot_retarget.formats.format import TrajectoryFormat
-from robot_retarget.formats.options import FormatOptions
-from robot_retarget.formats.quaternions import doubt, reordered
-from robot_retarget.formats.robot_motion import continuous, robot_motion
-from robot_retarget.formats.sidecar import sidecar_path, sidecar_text
-from robot_retarget.formats.source import TrajectorySource
+from robot_retarget.formats.columns import Columns, assembled, doubt, holds, reordered
+from robot_retarget.formats.robot_motion import FormatOptions, RobotMotion, continuous, robot_motion
+from robot_retarget.formats.source import TrajectoryFormat, TrajectorySource, sidecar_path, sidecar_text
 from robot_retarget.formats.table import FORMATS
-from robot_retarget.formats.unsupported import unsupported
 from robot_retarget.robot.catalog import Played, as_robot, on_robot
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import resample
+from robot_retarget.scene import Scene, read_scene
+from robot_retarget.scene.mjcf_text import mjcf_file
+from robot_retarget.scene.shape import ShapeKind
 from robot_retarget.trajectory import Trajectory
 from robot_retarget.trajectory import load_trajectory as load_native
+
+OBJECT_LEFT_OUT = "The object's pose is left out: the file has no shape for it. Name the file of its scene (--scene)."
+
+
+def companion_path(path: Path) -> Path:
+    """Where the bodies of a motion stand."""
+    return path.with_name(path.name + ".scene.xml")
+
+
+def write_companion(motion: RobotMotion, target: Path) -> None:
+    """Write the bodies of a motion next to it; without bodies remove those of an earlier motion."""
+    scene, where = motion.trajectory.scene, companion_path(target)
+    if scene is None:
+        where.unlink(missing_ok=True)
+    else:
+        write_text(where, mjcf_file(scene, len(motion), motion.fps))
+
+
+def among_bodies(trajectory: Trajectory, columns: Columns, source: TrajectorySource) -> Trajectory:
+    """Return a trajectory with the bodies of its file, of the user's scene, or of the file next to it.
+
+    Raises:
+        SceneError: the scene cannot be read.
+        TrajectoryError: the bodies have another number of frames.
+        UsageError: a joint of a human carries a body, or it is not clear which body the file moves.
+    """
+    given = source.options.scene or companion_path(source.path)
+    known = source.options.scene is not None or given.is_file()
+    scene = read_scene(given) if known and columns.scene is None else columns.scene
+    if scene is None:
+        return trajectory if columns.object is None else replace(trajectory, notes=(*trajectory.notes, OBJECT_LEFT_OUT))
+    carried = next((body for body in scene.bodies if body.carrier), None)
+    if carried is not None:
+        raise UsageError(f"{carried.title}: joint {carried.carrier!r} of a human carries it; the file holds a robot")
+    if columns.object is not None and scene.frames is None:
+        scene = _moved(scene, columns.object)
+    return replace(trajectory, scene=scene)
+
+
+def _moved(scene: Scene, poses: Floats) -> Scene:
+    """Return a scene with the poses (T, 7) of a file for its only body that is no plane."""
+    solid = [body for body in scene.bodies if body.shape.kind is not ShapeKind.PLANE]
+    if len(solid) != 1:
+        raise UsageError(
+            f"the file moves one body, and {scene.source} has {len(solid)}: give a scene with that one alone"
+        )
+    bodies = tuple(replace(body, poses=poses) if body is solid[0] else body for body in scene.bodies)
+    return replace(scene, bodies=bodies)
+
+
+SENTENCES = (
+    (
+        ("action_traj",),
+        "a file of ToddlerBot that holds motor positions only. Open it in robot-keyframe-kit, play it and save it: that "
+        "file holds qpos",
+    ),
+    (
+        ("keyframes",),
+        "keyframes of ToddlerBot without a motion between them. Open it in robot-keyframe-kit, play it and save it",
+    ),
+)
+"""Keys of a pickled dictionary, and the sentence about it."""
+
+
+def unsupported(source: TrajectorySource) -> str:
+    """The sentence about a file of a known program; empty for any other."""
+    return next((sentence for keys, sentence in SENTENCES if holds(source.pickled, *keys)), "")
 
 
 def export(

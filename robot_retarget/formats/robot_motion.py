@@ -1,16 +1,37 @@
-"""The input of a writer: a trajectory on its robot, split into root and joints."""
+"""Options of a user about a file, and the input of a writer: a trajectory on its robot, split into root and joints."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import UsageError, known
-from robot_retarget.formats.options import FormatOptions
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import resample
 from robot_retarget.trajectory import Trajectory
+
+SKIPPED = "_"
+"""Stands in a list of joints for a column that no joint of the robot takes."""
+
+
+@dataclass(frozen=True)
+class FormatOptions:
+    """Asked of an export or an import; everything has a default."""
+
+    joints: tuple[str, ...] | None = None
+    """Names of the joint columns in their order; `_` for a column that is not a joint of the robot."""
+    fps: float | None = None
+    """Frames per second of the output; by default those of the format, or of the file."""
+    source_fps: float | None = None
+    """Frames per second of a file that says none."""
+    quaternion: str | None = None
+    """`wxyz` or `xyzw`: the order in a file whose program wrote another than its format has."""
+    servos: str | None = None
+    """Servo map of formats that count servo ticks: a shipped robot's name or a TOML file."""
+    scene: Path | None = None
+    """Scene file with the bodies around the robot, for an import; by default the one next to the file."""
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,8 @@
-"""A file to be read: its contents, each part read once and on demand."""
+"""A file to be read, each part once and on demand; the JSON file next to it; and the definition of a format."""
 
-from collections.abc import Mapping
+import hashlib
+import json
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -8,13 +10,70 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.base.errors import FileError
+from robot_retarget.base.errors import FileError, TrajectoryError
 from robot_retarget.base.untrusted.arrays import load_npz, rate_of
+from robot_retarget.base.untrusted.documents import read_json
 from robot_retarget.base.untrusted.limits import LZ4_MAGIC, file_bytes, is_zip
 from robot_retarget.base.untrusted.pickles import load_pickle
-from robot_retarget.formats.options import FormatOptions
-from robot_retarget.formats.sidecar import read_sidecar
+from robot_retarget.formats.columns import Columns
+from robot_retarget.formats.robot_motion import FormatOptions, RobotMotion
 from robot_retarget.robot.model import Robot
+from robot_retarget.trajectory import Trajectory
+
+KEYS = ("format", "robot", "joint_names", "quaternion", "fps", "sha256")
+
+
+def sidecar_path(path: Path) -> Path:
+    """Where the JSON file of a file stands."""
+    return path.with_name(path.name + ".json")
+
+
+def sidecar_text(motion: RobotMotion, format: str, quaternion: str, written: Path) -> str:
+    """The JSON text about a file just written."""
+    return (
+        json.dumps(
+            {
+                "format": format,
+                "robot": motion.robot.name,
+                "joint_names": list(motion.joints),
+                "quaternion": quaternion,
+                "fps": motion.fps,
+                "frames": len(motion),
+                "sha256": _hash(written),
+            },
+            indent=1,
+        )
+        + "\n"
+    )
+
+
+def read_sidecar(path: Path) -> dict[str, Any] | None:
+    """The description in the JSON file next to a file; None if absent, or of another program.
+
+    Raises:
+        TrajectoryError: it is broken, or its sha256 is that of another content.
+    """
+    where = sidecar_path(path)
+    if not (path.is_file() and where.is_file()):
+        return None
+    facts = read_json(where, TrajectoryError)
+    try:
+        complete = all(key in facts for key in KEYS) and all(isinstance(name, str) for name in facts["joint_names"])
+    except TypeError as error:
+        raise TrajectoryError(f"{where}: not the description of a motion file: {error}") from error
+    if not complete:
+        return None
+    if facts["sha256"] != _hash(path):
+        raise TrajectoryError(
+            f"{path} is not the file that {where.name} describes: it was cut or changed since. "
+            f"Remove {where.name} to read it all the same"
+        )
+    return facts
+
+
+def _hash(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
 
 PICKLES = (".pkl", ".pickle", ".p", ".joblib", ".lz4", ".motion", ".pt")
 
@@ -98,3 +157,37 @@ class TrajectorySource:
         with self.path.open("rb") as stream:
             start = stream.read(4)
         return start[:1] == b"\x80" or start == LZ4_MAGIC or self.path.suffix.lower() in PICKLES
+
+
+@dataclass(frozen=True)
+class TrajectoryFormat:
+    """One kind of file that holds the motion of a robot."""
+
+    name: str
+    suffix: str
+    """The usual end of the file's name; empty for a folder."""
+    description: str
+    write: Callable[[RobotMotion, Path], None]
+    """Writes the file or folder; raises UsageError when the robot does not suit the format."""
+    read: Callable[[TrajectorySource], Columns | Trajectory]
+    """Reads it; raises TrajectoryError when it is not as the format has it."""
+    claims: Callable[[TrajectorySource], bool]
+    """Whether a file looks as if it were of this format."""
+    readers: str
+    """Programs that read it."""
+    fps: float | None = None
+    """Rate that its readers take for granted [1/s]; None where the file says its own."""
+    complete: bool = True
+    """Whether the file itself states joint names, quaternion order and rate; if not, a JSON file next to it does."""
+    ordered: bool = False
+    """Whether the joints can be written in any order (`--joints`)."""
+    exact: bool = True
+    """Whether a written file reads back to 1e-9 m and rad."""
+    plain: bool = False
+    """Whether it holds a free root and hinges, and no other robots."""
+    root: bool = True
+    """Whether the file holds the pose of the root."""
+    quaternion: str = "wxyz"
+    """How the file orders the root's quaternion, or `euler`, `rotvec`, `none`."""
+    bodies: bool = False
+    """Whether the file itself holds the bodies around the robot; if not, an MJCF file next to it does."""

@@ -1,62 +1,54 @@
-"""The one table of formats; a new format is a file in one of the folders here and a line in this table."""
+"""The one table of formats; a new format is a `TrajectoryFormat` in one of the modules here and a name in this table."""
 
-from robot_retarget.formats.binary import op3_action
-from robot_retarget.formats.format import TrajectoryFormat
-from robot_retarget.formats.npz import (
-    beyondmimic,
-    core,
-    isaaclab_amp,
-    locomujoco,
-    mjlab,
-    native,
-    omniretarget,
-    omniretarget_training,
-    pyroki,
-)
-from robot_retarget.formats.pickles import gmr, keyframe_kit, mimickit, phc, protomotions
-from robot_retarget.formats.scenes import (
+from robot_retarget.formats import (
+    archives,
     bag,
     joint_trajectory,
-    keyframes,
+    keyframe_kit,
     lerobot,
-    limb_trajectories,
-    scene,
+    mujoco_files,
+    named_csv,
+    omniretarget,
+    pickles,
+    rows,
+    servo_files,
     skeleton,
     sonic,
+    tracking,
 )
-from robot_retarget.formats.text import kimodo, named_csv, protomotions_csv, servo_ticks, soma, unitree
+from robot_retarget.formats.source import TrajectoryFormat
 
 FORMATS: dict[str, TrajectoryFormat] = {
-    module.FORMAT.name: module.FORMAT
-    for module in (
-        native,
-        named_csv,
-        unitree,
-        kimodo,
-        gmr,
-        beyondmimic,
-        mjlab,
-        omniretarget,
-        omniretarget_training,
-        locomujoco,
-        pyroki,
-        protomotions_csv,
-        mimickit,
-        phc,
-        protomotions,
-        keyframe_kit,
-        core,
-        soma,
-        keyframes,
-        scene,
-        joint_trajectory,
-        limb_trajectories,
-        bag,
-        skeleton,
-        servo_ticks,
-        op3_action,
-        isaaclab_amp,
-        sonic,
-        lerobot,
+    each.name: each
+    for each in (
+        archives.NATIVE,
+        named_csv.CSV,
+        rows.UNITREE,
+        rows.KIMODO,
+        pickles.GMR,
+        tracking.BEYONDMIMIC,
+        tracking.MJLAB,
+        omniretarget.OMNIRETARGET,
+        omniretarget.TRAINING,
+        archives.LOCOMUJOCO,
+        archives.PYROKI,
+        rows.PROTOMOTIONS_CSV,
+        pickles.MIMICKIT,
+        pickles.PHC,
+        pickles.PROTOMOTIONS,
+        keyframe_kit.FORMAT,
+        archives.CORE,
+        named_csv.SOMA,
+        mujoco_files.KEYFRAMES,
+        mujoco_files.SCENE_FOLDER,
+        joint_trajectory.JOINT_TRAJECTORY,
+        joint_trajectory.LIMB_TRAJECTORIES,
+        bag.FORMAT,
+        skeleton.FORMAT,
+        servo_files.SERVO_TICKS,
+        servo_files.OP3_ACTION,
+        archives.ISAACLAB_AMP,
+        sonic.FORMAT,
+        lerobot.FORMAT,
     )
 }

@@ -13,7 +13,7 @@ from format_moves import motion_of, robot_called
 
 from robot_retarget.base.errors import RobotRetargetError, TrajectoryError
 from robot_retarget.formats import FORMATS, export, import_motion
-from robot_retarget.formats.sidecar import sidecar_path
+from robot_retarget.formats.source import sidecar_path
 
 READ = {
     "omniretarget-training": {"joint_pos"},

@@ -8,7 +8,7 @@ from format_moves import motion_of, robot_called
 
 from robot_retarget.base.errors import TrajectoryError
 from robot_retarget.formats import FormatOptions, export, import_motion
-from robot_retarget.formats.sidecar import sidecar_path
+from robot_retarget.formats.source import sidecar_path
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,7 @@ from format_moves import THERE, motion_of, robot_called
 from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.formats import FORMATS, FormatOptions, export, import_motion
 from robot_retarget.formats.io import recognised
-from robot_retarget.formats.sidecar import sidecar_path
-from robot_retarget.formats.source import TrajectorySource
+from robot_retarget.formats.source import TrajectorySource, sidecar_path
 
 ROUNDED = 2e-6
 """Of formats that store single precision, degrees with decimals or ticks of a file's own [m, rad]."""

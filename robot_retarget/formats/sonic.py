@@ -14,13 +14,11 @@ import numpy as np
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import TrajectoryError
 from robot_retarget.base.untrusted.limits import file_bytes
-from robot_retarget.formats.bodies import body_tracks, velocities
+from robot_retarget.formats.bodies import body_tracks, breadth_first_bodies, breadth_first_hinges, velocities
 from robot_retarget.formats.columns import Columns
-from robot_retarget.formats.format import TrajectoryFormat
-from robot_retarget.formats.orders import breadth_first_bodies, breadth_first_hinges
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import TrajectorySource
-from robot_retarget.formats.text.rows import NUMBER
+from robot_retarget.formats.rows import NUMBER
+from robot_retarget.formats.source import TrajectoryFormat, TrajectorySource
 
 METADATA, NAMES, RATE = "metadata.txt", "Joint names:", "Frames per second:"
 JOINTS, PLACES, TURNS = "joint_pos.csv", "body_pos.csv", "body_quat.csv"

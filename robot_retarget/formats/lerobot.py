@@ -16,9 +16,8 @@ from robot_retarget.base.untrusted.arrays import shaped
 from robot_retarget.base.untrusted.documents import read_json
 from robot_retarget.base.untrusted.tables import parquet, parquet_columns
 from robot_retarget.formats.columns import Columns
-from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import TrajectorySource
+from robot_retarget.formats.source import TrajectoryFormat, TrajectorySource
 
 VERSION = "v3.0"
 INFO, STATISTICS, TASKS = "meta/info.json", "meta/stats.json", "meta/tasks.parquet"

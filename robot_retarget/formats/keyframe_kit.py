@@ -15,12 +15,10 @@ from robot_retarget.base.errors import TrajectoryError
 from robot_retarget.base.untrusted.limits import lz4_packed
 from robot_retarget.base.untrusted.pickles import dump_pickle
 from robot_retarget.formats.bodies import body_tracks, motor_tracks, onward_velocities
-from robot_retarget.formats.columns import Columns
-from robot_retarget.formats.format import TrajectoryFormat
-from robot_retarget.formats.pickles.dictionary import array_in, holds
+from robot_retarget.formats.columns import Columns, array_in, holds
+from robot_retarget.formats.named_csv import rate
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import TrajectorySource
-from robot_retarget.formats.text.named_csv import rate
+from robot_retarget.formats.source import TrajectoryFormat, TrajectorySource
 
 EVERY = 0.5
 """Between keyframes for the editor [s]: as far apart as hand-made ones."""

@@ -1,24 +1,92 @@
-"""Format `op3-action`: action pages of the ROBOTIS OP3, `motion_4095.bin`, as its action editor opens them.
+"""Goals of servos: `servo-ticks`, a table, and `op3-action`, pages of the ROBOTIS OP3."""
 
-256 pages of 512 bytes: a header of 64 bytes and seven steps of 31 goal positions [tick] by servo id, a pause and a time. The
-player moves straight from step to step when `accel` is 0; a step of time n takes n + 3 of its cycles of 8 ms, because it
-spends three cycles between sections. Page 1 holds the first seven steps, and `next` links the pages. The bytes of a page
-add up to 255. No root; servos whose position has the bit 0x4000 stay.
-"""
-
+import csv
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
+from robot_retarget.actuators.map import ServoMap, load_map, shipped_maps
 from robot_retarget.base.arrays import Floats
-from robot_retarget.base.errors import TrajectoryError, UsageError
+from robot_retarget.base.errors import TrajectoryError, UsageError, known
 from robot_retarget.base.untrusted.limits import file_bytes
-from robot_retarget.formats.columns import Columns
-from robot_retarget.formats.format import TrajectoryFormat
-from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import TrajectorySource
-from robot_retarget.formats.text.servo_ticks import servo_map_of
+from robot_retarget.formats.columns import Columns, joint_called
+from robot_retarget.formats.named_csv import TIME, named_table, rate
+from robot_retarget.formats.robot_motion import FormatOptions, RobotMotion
+from robot_retarget.formats.rows import NUMBER
+from robot_retarget.formats.source import TrajectoryFormat, TrajectorySource
+from robot_retarget.robot.model import Robot
+
+# Format `servo-ticks`: goal positions of Dynamixel servos, `time [s]` and `NAME [tick]` a joint, by the robot's servo map.
+#
+# ticks = zero + sign · gear · q · 4096 / 2π, rounded: a written file reads back to within a tick. Joints without a servo are not
+# in the file, and no root is.
+
+TICK = " [tick]"
+
+
+def write_servo_ticks(motion: RobotMotion, path: Path) -> None:
+    """Write the table.
+
+    Raises:
+        UsageError: no servo map is known for the robot.
+    """
+    servos, place = servo_map_of(motion.robot, motion.options), motion.robot.joint_names
+    joints = [joint for joint in servos.joints if joint in place]
+    ticks = [[servos[j].ticks(q[motion.robot.qpos_index[place.index(j)]]) for j in joints] for q in motion.qpos]
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        csv.writer(stream, lineterminator="\n").writerow([TIME, *(joint + TICK for joint in joints)])
+        table = np.column_stack([np.arange(len(motion)) / motion.fps, np.array(ticks)])
+        np.savetxt(stream, table, fmt=[NUMBER, *["%d"] * len(joints)], delimiter=",")
+
+
+def read_servo_ticks(source: TrajectorySource) -> Columns:
+    """Read the table."""
+    names, rows = named_table(source)
+    joints = [name.removesuffix(TICK) for name in names if name.endswith(TICK)]
+    if TIME not in names or not joints:
+        raise TrajectoryError(f"no {TIME!r} and NAME{TICK} among {', '.join(names[:8])}")
+    servos = servo_map_of(source.robot, source.options)
+    called = [joint_called(joint, source.robot) for joint in joints]
+    missing = [joint for joint in called if joint not in servos.joints]
+    if missing:
+        raise TrajectoryError(f"no servo turns {missing[0]!r}; {known(servos.joints)}")
+    ticks = [rows[:, names.index(joint + TICK)] for joint in joints]
+    columns = [[servos[joint].radians(t) for t in column] for joint, column in zip(called, ticks, strict=True)]
+    return Columns(np.array(columns).T, tuple(called), fps=rate(rows[:, names.index(TIME)]))
+
+
+def servo_map_of(robot: Robot, options: FormatOptions) -> ServoMap:
+    """Return the servo map of the options, or the one that ships with the robot.
+
+    Raises:
+        UsageError: neither is known.
+    """
+    if options.servos is None and robot.name not in shipped_maps():
+        raise UsageError(f"no servo map for {robot.name!r}: give one with --servos; {known(shipped_maps())}")
+    return load_map(options.servos or robot.name)
+
+
+SERVO_TICKS = TrajectoryFormat(
+    name="servo-ticks",
+    suffix=".csv",
+    description="goal positions of Dynamixel servos by the robot's servo map; no root",
+    write=write_servo_ticks,
+    read=read_servo_ticks,
+    claims=lambda source: source.head.startswith(TIME) and TICK in source.head,
+    readers="servo scripts; goal_position of the Dynamixel protocol",
+    exact=False,
+    root=False,
+    quaternion="none",
+)
+
+
+# Format `op3-action`: action pages of the ROBOTIS OP3, `motion_4095.bin`, as its action editor opens them.
+#
+# 256 pages of 512 bytes: a header of 64 bytes and seven steps of 31 goal positions [tick] by servo id, a pause and a time. The
+# player moves straight from step to step when `accel` is 0; a step of time n takes n + 3 of its cycles of 8 ms, because it
+# spends three cycles between sections. Page 1 holds the first seven steps, and `next` links the pages. The bytes of a page
+# add up to 255. No root; servos whose position has the bit 0x4000 stay.
 
 PAGES, STEPS, IDS = 256, 7, 31
 SIZE = 512
@@ -40,7 +108,7 @@ FPS = 1 / (10 * CYCLE)
 """Keyframes per second: ten cycles each [1/s]."""
 
 
-def write(motion: RobotMotion, path: Path) -> None:
+def write_op3_action(motion: RobotMotion, path: Path) -> None:
     """Write the pages of the motion, and empty ones after them.
 
     Raises:
@@ -82,7 +150,7 @@ def _empty() -> np.ndarray:
     return page
 
 
-def read(source: TrajectorySource) -> Columns:
+def read_op3_action(source: TrajectorySource) -> Columns:
     """Read the steps of page 1 and of the pages that it leads to, once each.
 
     Raises:
@@ -131,12 +199,12 @@ def _even(angles: Floats, durations: Floats) -> tuple[Floats, float]:
     return np.stack([np.interp(grid, times, column) for column in angles.T], axis=1), 1 / CYCLE
 
 
-FORMAT = TrajectoryFormat(
+OP3_ACTION = TrajectoryFormat(
     name="op3-action",
     suffix=".bin",
     description="action pages of the ROBOTIS OP3: keyframes of servo goals, linked pages; no root",
-    write=write,
-    read=read,
+    write=write_op3_action,
+    read=read_op3_action,
     claims=lambda source: source.path.is_file() and source.path.stat().st_size == PAGES * SIZE,
     readers="ROBOTIS OP3 (op3_action_module, op3_action_editor)",
     fps=FPS,

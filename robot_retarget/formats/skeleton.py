@@ -11,11 +11,10 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import MotionError, TrajectoryError
+from robot_retarget.formats.bodies import body_names, robot_bodies
 from robot_retarget.formats.columns import Columns
-from robot_retarget.formats.format import TrajectoryFormat
-from robot_retarget.formats.orders import body_names, robot_bodies
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import TrajectorySource
+from robot_retarget.formats.source import TrajectoryFormat, TrajectorySource
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.readers.bvh import read_bvh, write_bvh
 from robot_retarget.human.skeleton import Skeleton

@@ -1,8 +1,4 @@
-"""Format `mcap`: a ROS 2 bag with `/joint_states` (sensor_msgs/JointState) and `/tf` (tf2_msgs/TFMessage).
-
-Every frame is a message each, stamped from zero. /tf holds every body in its parent's frame, the root in `world`, so that a
-viewer shows the robot with or without robot_state_publisher. Quaternions x y z w, as ROS has them.
-"""
+"""Definitions of the ROS 2 messages that a bag carries with it, as rosbag2 concatenates them."""
 
 from pathlib import Path
 from typing import Any
@@ -12,16 +8,32 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.errors import TrajectoryError, UsageError, install_line
 from robot_retarget.base.untrusted.tables import MAGIC, bag_messages
-from robot_retarget.formats.bodies import central
-from robot_retarget.formats.columns import Columns
-from robot_retarget.formats.format import TrajectoryFormat
-from robot_retarget.formats.orders import robot_bodies
-from robot_retarget.formats.quaternions import FIRST_LAST
+from robot_retarget.formats.bodies import central, robot_bodies
+from robot_retarget.formats.columns import FIRST_LAST, Columns
+from robot_retarget.formats.named_csv import rate
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.scenes.messages import JOINT_STATE, TRANSFORMS
-from robot_retarget.formats.source import TrajectorySource
-from robot_retarget.formats.text.named_csv import rate
+from robot_retarget.formats.source import TrajectoryFormat, TrajectorySource
 from robot_retarget.robot.kinematics import body_frames
+
+_LINE = "=" * 80
+_TIME = f"{_LINE}\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
+_HEADER = f"{_LINE}\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n{_TIME}"
+_VECTOR = f"{_LINE}\nMSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n"
+_QUATERNION = f"{_LINE}\nMSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w\n"
+_TRANSFORM = (
+    f"{_LINE}\nMSG: geometry_msgs/Transform\ngeometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n"
+    f"{_VECTOR}{_QUATERNION}"
+)
+
+JOINT_STATE = (
+    "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n" + _HEADER
+)
+TRANSFORMS = (
+    "geometry_msgs/TransformStamped[] transforms\n"
+    f"{_LINE}\nMSG: geometry_msgs/TransformStamped\nstd_msgs/Header header\nstring child_frame_id\n"
+    f"geometry_msgs/Transform transform\n{_HEADER}{_TRANSFORM}"
+)
+
 
 WORLD = "world"
 NANO = 10**9

@@ -1,7 +1,4 @@
-"""Format `mujoco-scene`: a folder that plays: the robot's own files on a floor, a keyframe a frame, and `play.py`.
-
-`scene.xml` includes `robot.xml`, a copy of the robot's MJCF, and `keyframes.xml`, which is of the format `mujoco-keyframes`.
-"""
+"""MuJoCo's own files: `mujoco-keyframes`, a file to include, and `mujoco-scene`, a folder that plays."""
 
 import shutil
 from dataclasses import replace
@@ -9,18 +6,86 @@ from pathlib import Path, PurePath
 from xml.etree import ElementTree
 
 import mujoco
+import numpy as np
 
+from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.formats.columns import Columns
-from robot_retarget.formats.format import TrajectoryFormat
+from robot_retarget.formats.named_csv import rate
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.scenes import keyframes
-from robot_retarget.formats.scenes.keyframes import read_keys
-from robot_retarget.formats.source import TrajectorySource
+from robot_retarget.formats.source import TrajectoryFormat, TrajectorySource
 from robot_retarget.robot.model import Robot
 from robot_retarget.scene import read_scene
 from robot_retarget.scene.geoms import PREFIX
 from robot_retarget.scene.mjcf_text import mjcf_text
+
+# Format `mujoco-keyframes`: an MJCF file of keyframes, a frame each, to be included in the robot's.
+#
+# `<key name time qpos/>`, qpos in MuJoCo's order, root w x y z. `<include file="keys.xml"/>` in the robot's MJCF makes the
+# frames the keyframes of `simulate` and of `mj_resetDataKeyframe`.
+
+EXACT = "%.17g"
+
+
+def write_keyframes(motion: RobotMotion, path: Path, bodies: Floats | None = None) -> None:
+    """Write the keyframes.
+
+    Args:
+        bodies: (T, M, 7) poses of mocap bodies, for a model that has them.
+    """
+    top = ElementTree.Element("mujoco", model=motion.robot.name)
+    keys = ElementTree.SubElement(top, "keyframe")
+    for frame, qpos in enumerate(motion.qpos):
+        mocap = {} if bodies is None else {"mpos": _row(bodies[frame, :, :3]), "mquat": _row(bodies[frame, :, 3:])}
+        time = EXACT % (frame / motion.fps)
+        ElementTree.SubElement(keys, "key", {"name": f"frame_{frame}", "time": time, "qpos": _row(qpos), **mocap})
+    ElementTree.indent(top)
+    path.write_text(ElementTree.tostring(top, encoding="unicode") + "\n", encoding="utf-8")
+
+
+def _row(values: Floats) -> str:
+    return " ".join(EXACT % value for value in values.ravel())
+
+
+def read_keyframes(source: TrajectorySource) -> Columns:
+    """Read the keyframes."""
+    return read_keys(source.text)
+
+
+def read_keys(text: str) -> Columns:
+    """The keyframes of an MJCF text in the order of their times.
+
+    Raises:
+        TrajectoryError: not XML, no keyframes with qpos, or of several widths.
+    """
+    try:
+        keys = [key for key in ElementTree.fromstring(text).iter("key") if key.get("qpos")]
+        rows = [(float(key.get("time", 0)), np.array((key.get("qpos") or "").split(), dtype=float)) for key in keys]
+    except (ElementTree.ParseError, ValueError) as error:
+        raise TrajectoryError(f"not MJCF: {error}") from error
+    if not rows:
+        raise TrajectoryError("no keyframe with qpos")
+    if len({len(qpos) for _, qpos in rows}) > 1:
+        raise TrajectoryError("keyframes of several widths")
+    rows.sort(key=lambda row: row[0])
+    return Columns(qpos=np.stack([qpos for _, qpos in rows]), fps=rate(np.array([time for time, _ in rows])))
+
+
+KEYFRAMES = TrajectoryFormat(
+    name="mujoco-keyframes",
+    suffix=".xml",
+    description="MJCF keyframes, to be included in the robot's file",
+    write=write_keyframes,
+    read=read_keyframes,
+    claims=lambda source: source.text.lstrip().startswith("<mujoco") and "<key " in source.text,
+    readers="MuJoCo",
+    complete=False,
+)
+
+
+# Format `mujoco-scene`: a folder that plays: the robot's own files on a floor, a keyframe a frame, and `play.py`.
+#
+# `scene.xml` includes `robot.xml`, a copy of the robot's MJCF, and `keyframes.xml`, which is of the format `mujoco-keyframes`.
 
 SCENE, ROBOT, KEYS = "scene.xml", "robot.xml", "keyframes.xml"
 PLAYER = '''"""Play the keyframes of scene.xml: python play.py (needs mujoco)."""
@@ -47,7 +112,7 @@ with mujoco.viewer.launch_passive(model, data) as viewer:
 '''
 
 
-def write(motion: RobotMotion, path: Path) -> None:
+def write_scene_folder(motion: RobotMotion, path: Path) -> None:
     """Fill the folder.
 
     Raises:
@@ -62,7 +127,7 @@ def write(motion: RobotMotion, path: Path) -> None:
     scene = motion.trajectory.scene
     moving = [] if scene is None else [k for k, body in enumerate(scene.bodies) if not body.fixed]
     poses = scene.poses(len(motion))[:, moving] if scene is not None and moving else None
-    keyframes.write(motion, path / KEYS, poses)
+    write_keyframes(motion, path / KEYS, poses)
     (path / SCENE).write_text(_scene(robot, "" if scene is None else mjcf_text(scene)), encoding="utf-8")
     (path / "play.py").write_text(PLAYER, encoding="utf-8")
 
@@ -96,7 +161,7 @@ def _files(robot: Robot) -> set[PurePath]:
     return found
 
 
-def read(source: TrajectorySource) -> Columns:
+def read_scene_folder(source: TrajectorySource) -> Columns:
     """Read the keyframes in the folder, and the bodies of its scene."""
     keys, scene = source.path / KEYS, source.path / SCENE
     if not keys.is_file():
@@ -105,12 +170,12 @@ def read(source: TrajectorySource) -> Columns:
     return replace(columns, scene=read_scene(scene)) if PREFIX in scene.read_text(encoding="utf-8") else columns
 
 
-FORMAT = TrajectoryFormat(
+SCENE_FOLDER = TrajectoryFormat(
     name="mujoco-scene",
     suffix="",
     description="a folder with the robot, its meshes, a floor, keyframes and a player",
-    write=write,
-    read=read,
+    write=write_scene_folder,
+    read=read_scene_folder,
     claims=lambda source: (source.path / SCENE).is_file() and (source.path / KEYS).is_file(),
     readers="MuJoCo (python play.py)",
     bodies=True,

@@ -6,11 +6,9 @@ import numpy as np
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import TrajectoryError
-from robot_retarget.formats.columns import Columns
-from robot_retarget.formats.format import TrajectoryFormat
-from robot_retarget.formats.quaternions import FIRST_LAST, LAST_FIRST
+from robot_retarget.formats.columns import FIRST_LAST, LAST_FIRST, Columns
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import TrajectorySource
+from robot_retarget.formats.source import TrajectoryFormat, TrajectorySource
 
 NUMBER = "%.12g"
 ROOT = 7
@@ -70,3 +68,20 @@ def looks_like_rows(source: TrajectorySource) -> bool:
     except ValueError:
         return False
     return len(first) > ROOT and abs(float(np.linalg.norm(first[3:ROOT])) - 1) < 0.01
+
+
+UNITREE: TrajectoryFormat = rows_format(
+    "unitree",
+    "Unitree LAFAN1 rows without a header: xyz, quaternion xyzw, joints",
+    "mjlab and whole_body_tracking (csv_to_npz), unitree_rl_lab",
+    "xyzw",
+)
+KIMODO: TrajectoryFormat = rows_format(
+    "kimodo", "Kimodo G1 rows without a header: xyz, quaternion wxyz, joints", "Kimodo's tools", "wxyz"
+)
+PROTOMOTIONS_CSV: TrajectoryFormat = rows_format(
+    "protomotions-csv",
+    "ProtoMotions rows without a header: xyz, quaternion wxyz, joints",
+    "ProtoMotions (data/scripts, csv to motion)",
+    "wxyz",
+)

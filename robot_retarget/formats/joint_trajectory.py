@@ -1,8 +1,4 @@
-"""Format `ros-joint-trajectory`: a ROS 2 `trajectory_msgs/JointTrajectory` as YAML.
-
-`joint_names`, `points` with `positions` [rad], `velocities` [rad/s] and `time_from_start`. No root. Velocities by central
-differences, at rest at both ends as controllers of ros2_control ask for it.
-"""
+"""ROS 2's `trajectory_msgs/JointTrajectory` as YAML: `ros-joint-trajectory`, one message, and `ros-limb-trajectories`, one for each limb."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,19 +8,25 @@ import numpy as np
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import TrajectoryError, UsageError, install_line
+from robot_retarget.base.untrusted.documents import read_text
 from robot_retarget.base.untrusted.limits import BROKEN, one_line, require_tree
 from robot_retarget.formats.bodies import central
-from robot_retarget.formats.columns import Columns
-from robot_retarget.formats.format import TrajectoryFormat
-from robot_retarget.formats.pickles.dictionary import array_in, holds
+from robot_retarget.formats.columns import Columns, array_in, holds
+from robot_retarget.formats.named_csv import rate
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import TrajectorySource
-from robot_retarget.formats.text.named_csv import rate
+from robot_retarget.formats.source import TrajectoryFormat, TrajectorySource
+from robot_retarget.robot.anatomy import LIMBS, joints_by_limb
+from robot_retarget.robot.recognise import recognise
+
+# Format `ros-joint-trajectory`: a ROS 2 `trajectory_msgs/JointTrajectory` as YAML.
+#
+# `joint_names`, `points` with `positions` [rad], `velocities` [rad/s] and `time_from_start`. No root. Velocities by central
+# differences, at rest at both ends as controllers of ros2_control ask for it.
 
 NANO = 10**9
 
 
-def write(motion: RobotMotion, path: Path) -> None:
+def write_joint_trajectory(motion: RobotMotion, path: Path) -> None:
     """Write the message (extra `formats`)."""
     write_message(path, motion.joints, motion.angles, motion.fps)
 
@@ -52,7 +54,7 @@ def write_message(path: Path, joints: Sequence[str], angles: Floats, fps: float)
         yaml.dump(message, stream, dumper, default_flow_style=None, sort_keys=False, width=10**6)
 
 
-def read(source: TrajectorySource) -> Columns:
+def read_joint_trajectory(source: TrajectorySource) -> Columns:
     """Read the message.
 
     Raises:
@@ -85,15 +87,58 @@ def _yaml() -> Any:
     return yaml
 
 
-FORMAT = TrajectoryFormat(
+JOINT_TRAJECTORY = TrajectoryFormat(
     name="ros-joint-trajectory",
     suffix=".yaml",
     description="ROS 2 JointTrajectory: named joints over time; no root",
-    write=write,
-    read=read,
+    write=write_joint_trajectory,
+    read=read_joint_trajectory,
     claims=lambda source: "joint_names:" in source.text and "time_from_start:" in source.text,
     readers="ROS 2 (joint_trajectory_controller), rosidl YAML tools",
     ordered=True,
+    root=False,
+    quaternion="none",
+)
+
+
+# Format `ros-limb-trajectories`: a folder with a ROS 2 JointTrajectory for each limb, for robots with a controller per limb.
+#
+# `left_arm.yaml`, `right_arm.yaml`, `left_leg.yaml`, `right_leg.yaml`, `head.yaml` and `torso.yaml`, those that the robot has, each
+# as in `ros-joint-trajectory`. All have the same times. Fingers are joints of their arm.
+
+FILES = tuple(f"{limb}.yaml" for limb in (*LIMBS, "torso"))
+
+
+def write_limb_trajectories(motion: RobotMotion, path: Path) -> None:
+    """Fill the folder (extra `formats`)."""
+    for limb, joints in joints_by_limb(motion.robot, recognise(motion.robot)).items():
+        columns = [motion.joints.index(joint) for joint in joints]
+        write_message(path / f"{limb}.yaml", joints, motion.angles[:, columns], motion.fps)
+
+
+def read_limb_trajectories(source: TrajectorySource) -> Columns:
+    """Read the messages of all limbs.
+
+    Raises:
+        TrajectoryError: one is no JointTrajectory, or they have not the same times.
+    """
+    files = [source.path / name for name in FILES if (source.path / name).is_file()]
+    limbs = [read_message(read_text(file, TrajectoryError)) for file in files]
+    angles = [limb.angles for limb in limbs if limb.angles is not None]
+    if len({(len(table), limb.fps) for table, limb in zip(angles, limbs, strict=True)}) != 1:
+        raise TrajectoryError("the limbs have other numbers of points or other times")
+    names = tuple(name for limb in limbs for name in limb.names or ())
+    return Columns(np.concatenate(angles, axis=1), names, fps=limbs[0].fps)
+
+
+LIMB_TRAJECTORIES = TrajectoryFormat(
+    name="ros-limb-trajectories",
+    suffix="",
+    description="ROS 2 JointTrajectory for each limb, in a folder; no root",
+    write=write_limb_trajectories,
+    read=read_limb_trajectories,
+    claims=lambda source: any((source.path / name).is_file() for name in FILES),
+    readers="ROS 2 (a joint_trajectory_controller per limb)",
     root=False,
     quaternion="none",
 )

@@ -13,12 +13,17 @@ import numpy as np
 from robot_retarget.base.arrays import Floats, Ints
 from robot_retarget.base.errors import TrajectoryError
 from robot_retarget.base.untrusted.arrays import save_npz, shaped
-from robot_retarget.formats.bodies import body_tracks, velocities
+from robot_retarget.formats.bodies import (
+    body_names,
+    body_tracks,
+    breadth_first_bodies,
+    breadth_first_hinges,
+    robot_bodies,
+    velocities,
+)
 from robot_retarget.formats.columns import Columns
-from robot_retarget.formats.format import TrajectoryFormat
-from robot_retarget.formats.orders import body_names, breadth_first_bodies, breadth_first_hinges, robot_bodies
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import TrajectorySource
+from robot_retarget.formats.source import TrajectoryFormat, TrajectorySource
 from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.robot.model import Robot
 
@@ -139,3 +144,27 @@ def _claims(source: TrajectorySource, hinges: Ints, other: Ints) -> bool:
         swapped = [source.robot.joint_names[k] for k in other]
         return list(names) == order or list(names) != swapped
     return misfit(source, hinges) < NEAR or misfit(source, other) >= NEAR
+
+
+# Format `beyondmimic`: what whole_body_tracking's `csv_to_npz.py` makes in Isaac Lab.
+#
+# Joints and bodies **breadth first**; `body_lin_vel_w` is that of the bodies' centres of mass, as Isaac Lab has it. Root and
+# joint velocities by central differences over two frames, bodies moved by them.
+
+BEYONDMIMIC: TrajectoryFormat = tracking_format(
+    "beyondmimic",
+    "joints and bodies breadth first, with velocities",
+    "whole_body_tracking (BeyondMimic)",
+    BREADTH_FIRST,
+    mass=True,
+)
+
+
+# Format `mjlab`: what mjlab's `csv_to_npz.py` makes.
+#
+# Joints and bodies **depth first**, as MuJoCo has them; `body_lin_vel_w` is that of the bodies' frames. Root and joint
+# velocities by central differences over two frames, bodies moved by them. mjlab does not read `fps`: it plays a frame a step.
+
+MJLAB: TrajectoryFormat = tracking_format(
+    "mjlab", "joints and bodies depth first, with velocities", "mjlab (tracking tasks)", DEPTH_FIRST, mass=False
+)

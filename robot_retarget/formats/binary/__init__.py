@@ -1,1 +1,0 @@
-"""Formats of bytes at fixed places."""

@@ -1,1 +1,0 @@
-"""Formats that are tables of text."""
