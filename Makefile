@@ -3,13 +3,19 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check docs bench clean
+.PHONY: demo test lowest check docs bench clean
 
 demo: $(VENV)/.ready
 	$(BIN)/robot-retarget demo --out demo
 
 test: $(VENV)/.ready
 	$(BIN)/python -m pytest -n 2 --dist loadfile -rs
+
+lowest:  # a solve with the oldest versions that pyproject.toml accepts
+	$(PYTHON) -m venv --clear .lowest
+	$(PYTHON) scripts/tools/lowest_versions.py > .lowest/versions.txt
+	.lowest/bin/python -m pip install --quiet --constraint .lowest/versions.txt .
+	.lowest/bin/robot-retarget solve samples/wave.bvh --robot op3 -o .lowest/wave.npz
 
 check: $(VENV)/.ready
 	$(BIN)/ruff check .
@@ -29,4 +35,4 @@ docs: $(VENV)/.ready
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
 
 clean:
-	rm -rf $(VENV) demo dist site
+	rm -rf $(VENV) .lowest demo dist site

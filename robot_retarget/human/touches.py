@@ -121,9 +121,7 @@ class TouchProbe:
         """Compile the bodies of a scene, and find the parts of a human that can touch them."""
         self.scene, self.match, self._model = scene, match, SceneModel(scene)
         self._parts = [k for k in match.keypoints if k.split("_")[-1] in FLESH]
-        self._solid = [
-            b for b, body in enumerate(scene.bodies) if body.shape.kind not in (ShapeKind.PLANE, ShapeKind.HEIGHT_FIELD)
-        ]
+        self._solid = [b for b, body in enumerate(scene.bodies) if body.shape.kind is not ShapeKind.HEIGHT_FIELD]
         self.pairs = tuple((part, b) for part in self._parts for b in self._solid)
         below = {part: _below(skeleton, match, part) for part in self._parts if part.endswith("_hand")}
         self._fingers = {part: joints for part, joints in below.items() if joints}

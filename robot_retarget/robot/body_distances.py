@@ -78,11 +78,11 @@ class RobotAmongBodies:
         self._geoms = np.array([g for own in solid.values() for g in own], np.int64)
         self._links = np.array([link for link, own in solid.items() for _ in own], np.int64)
         self._radii = np.asarray(self.model.geom_rbound)[self._geoms][:, None]
-        self._middle, self._half = (
-            np.asarray(self.model.geom_aabb)[self._body_geoms].reshape(-1, 2, 3).transpose(1, 0, 2)
-        )
-        flat = np.asarray(self.model.geom_type)[self._body_geoms] == mujoco.mjtGeom.mjGEOM_PLANE
-        self._half = np.where(flat[:, None], [np.inf, np.inf, 0.0], self._half)
+        middle, half = np.asarray(self.model.geom_aabb)[self._body_geoms].reshape(-1, 2, 3).transpose(1, 0, 2)
+        plane = np.asarray(self.model.geom_type)[self._body_geoms] == mujoco.mjtGeom.mjGEOM_PLANE
+        self._low = np.where(plane[:, None], -np.inf, middle - half)
+        """(B, 3) ends of the boxes around the bodies, in their frames [m]: a plane bounds the half space below it."""
+        self._high = np.where(plane[:, None], [np.inf, np.inf, 0.0], middle + half)
         self._placed = b""
         self._known: tuple[bytes, float, BodyDistances] | None = None
 
@@ -163,7 +163,8 @@ class RobotAmongBodies:
         data = self.data
         turn = data.geom_xmat[self._body_geoms].reshape(-1, 3, 3)
         way = data.geom_xpos[self._geoms][:, None] - data.geom_xpos[self._body_geoms]
-        out = np.maximum(np.abs(np.einsum("bij,gbi->gbj", turn, way) - self._middle) - self._half, 0.0)
+        at = np.einsum("bij,gbi->gbj", turn, way)
+        out = np.maximum(np.maximum(self._low - at, at - self._high), 0.0)
         near = np.sqrt((out * out).sum(axis=2)) - self._radii < reach
         return self._rows(np.argwhere(near).tolist(), reach)
 

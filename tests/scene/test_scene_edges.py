@@ -105,6 +105,17 @@ def test_no_link_is_inside_the_box(carried: Result) -> None:
     assert distances(carried).min() > -0.0011
 
 
+@pytest.mark.parametrize("kind", [ShapeKind.BOX, ShapeKind.PLANE])
+def test_a_hand_that_reaches_through_a_wall_meets_it_whatever_its_shape(kind: ShapeKind) -> None:
+    """The wall is 8 cm nearer than the hand of the human, on its left; the arm ends at the wall, and nothing is behind it."""
+    near = WAVE.positions[:, WAVE.skeleton.names.index("LeftWrist"), 1].max() - 0.08
+    box = kind is ShapeKind.BOX
+    pose = [0, near + 1, 0, 1, 0, 0, 0] if box else [0, near, 0, 0.5**0.5, 0.5**0.5, 0, 0]
+    wall = Scene((RigidBody("box", solid(kind, (6, 2, 6) if box else ()), np.array(pose)),))
+    found = distances(rr.solve(rr.describe(WAVE, OP3, scene=wall), balance="off"))
+    assert found.min() > -0.0011 and np.abs(found).max() < 0.003
+
+
 def test_the_cost_is_the_sum_of_the_kinds_with_bodies_too(carried: Result) -> None:
     assert {"contact", "near", "clearance"} <= carried.solution.stress.keys()
     np.testing.assert_allclose(carried.solution.cost, np.sum(list(carried.solution.stress.values()), axis=0))
