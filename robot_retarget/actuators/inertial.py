@@ -166,7 +166,8 @@ def rest_faults(readings: Sequence[Reading], imu: Imu, planned: Floats | None = 
             f"the gyroscope turns by {bias.max():.2g} rad/s about {axis} at rest, {imu.gyro_bias:g} is its bias"
         )
     if abs(weight / STANDARD_GRAVITY - 1) > WEIGHT:
-        faults.append(f"the accelerometer gives {weight:.3g} m/s² at rest: wrong units or range")
+        falls = "; or the robot falls freely, without a floor under it" if weight < STANDARD_GRAVITY / 2 else ""
+        faults.append(f"the accelerometer gives {weight:.3g} m/s² at rest: wrong units or range{falls}")
     for what, values, noise in (("gyroscope", gyro, imu.gyro_noise), ("accelerometer", accel, imu.accel_noise)):
         if still and values.std(axis=0).max() > NOISY * noise > 0:
             faults.append(f"the {what}'s noise is {values.std(axis=0).max():.2g}, its data sheet's {noise:g}")

@@ -20,7 +20,7 @@ from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.support import feet_of
-from robot_retarget.scene.geoms import add_bodies, add_floor_of_bodies
+from robot_retarget.scene.geoms import add_bodies, add_floor, add_floor_of_bodies
 from robot_retarget.scene.scene import Scene
 
 FULL_TORQUE_ERROR = 0.2
@@ -68,7 +68,7 @@ def build_plant(
         spec = robot.spec()
         kept = _strip(spec, robot, keep=drives is None)
         added = _add_servos(spec, robot, kept) if drives is None else _add_drives(spec, robot, drives)
-        floor = mode == "free" and _add_floor(spec, robot)
+        floor = mode == "free" and add_floor(spec, robot.model)
         add_play(spec, robot, backlash)
         if scene is not None:
             add_bodies(spec, scene, objects == "free")
@@ -165,15 +165,6 @@ def _add_drives(spec: mujoco.MjSpec, robot: Robot, drives: Drives) -> list[str]:
         servo.set_to_position(kp=drives.stiffness[k], kv=drives.derivative[k])
         servo.forcerange, servo.forcelimited = [-bound, bound], True
     return []
-
-
-def _add_floor(spec: mujoco.MjSpec, robot: Robot) -> bool:
-    """A plane z = 0 where the scene has no plane or height field."""
-    flat = (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD)
-    if np.isin(robot.model.geom_type, flat).any():
-        return False
-    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.05], contype=1, conaffinity=0xFFFF)
-    return True
 
 
 def _harden_floor(model: mujoco.MjModel, robot: Robot) -> None:

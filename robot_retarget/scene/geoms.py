@@ -52,6 +52,14 @@ def add_bodies(spec: mujoco.MjSpec, scene: Scene, free: bool = False) -> None:
         _give_shape(spec, geom, body)
 
 
+def add_floor(spec: mujoco.MjSpec, model: mujoco.MjModel) -> bool:
+    """Add a plane z = 0 where the model of a specification has no plane or height field; return whether it was added."""
+    if np.isin(model.geom_type, (_GEOM.mjGEOM_PLANE, _GEOM.mjGEOM_HFIELD)).any():
+        return False
+    spec.worldbody.add_geom(type=_GEOM.mjGEOM_PLANE, size=[0, 0, 0.05], contype=1, conaffinity=0xFFFF)
+    return True
+
+
 def add_floor_of_bodies(spec: mujoco.MjSpec) -> None:
     """Add a floor z = 0 that bodies touch and the robot does not: for a robot that is carried in the air."""
     floor = spec.worldbody.add_body(name="the floor of the bodies")

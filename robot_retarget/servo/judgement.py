@@ -87,6 +87,9 @@ def _unsuitable(content: dict[str, Any], mode: str, loose: bool, where: Path) ->
     if content.get("mode") != mode:
         hint = "; --mode pinned plays it on a robot held by its pelvis" if mode == "free" else ""
         return f"it passed in mode {content.get('mode')} ({where}), not {mode}{hint}"
+    figures = content.get("figures")
+    if mode == "free" and isinstance(figures, dict) and figures.get("draws") == 0:
+        return f"it was simulated once, without other mass, friction, servos and tilt (--draws 0): a preview ({where})"
     raised = _raised(content)
     if raised and not loose:
         return f"it passed under thresholds above the defaults ({', '.join(raised)}); --loose-thresholds accepts them"

@@ -15,6 +15,7 @@ from robot_retarget.actuators.goals import RATE
 from robot_retarget.actuators.inertial import LEVEL, BodyMotion, Reading, VirtualImu
 from robot_retarget.actuators.map import TICKS_PER_RADIAN, ServoMap
 from robot_retarget.base.errors import ServoError, known
+from robot_retarget.scene.geoms import add_floor
 
 # MuJoCo's viewer of the digital twin, on a display.
 
@@ -86,7 +87,7 @@ class Twin:
     """A body of hinges moved by torques; free to fall once its servos hold it.
 
     Args:
-        path: MJCF of the robot, with a floor if it is to stand on one.
+        source: MJCF of the robot, or its specification (`Robot.spec`); a floor is added where it has none, as in `simulate`.
         servo_map: names the hinge of every servo and its direction, zero and gear.
         support: how long the trunk stays held after torque is on everywhere and the joints are still [s].
 
@@ -94,12 +95,12 @@ class Twin:
         ServoError: the model cannot be read, or has not the joints of the map.
     """
 
-    def __init__(self, path: str | Path, servo_map: ServoMap, support: float = SUPPORT) -> None:
-        self.model: Any = _without_actuators(path)
+    def __init__(self, source: str | Path | mujoco.MjSpec, servo_map: ServoMap, support: float = SUPPORT) -> None:
+        self.model: Any = _compiled(source)
         self.data: Any = mujoco.MjData(self.model)
         self.support = support
         self.step: Any = self.model.opt.timestep
-        joints = [_hinge(self.model, joint, path) for joint in servo_map.joints]
+        joints = [_hinge(self.model, joint, source) for joint in servo_map.joints]
         self._qpos = np.array([self.model.jnt_qposadr[j] for j in joints])
         self._dof = np.array([self.model.jnt_dofadr[j] for j in joints])
         gear = np.array([servo.sign * servo.gear for servo in servo_map.servos])
@@ -107,7 +108,7 @@ class Twin:
         self._zero = np.array([float(servo.zero) for servo in servo_map.servos])
         free = np.flatnonzero(self.model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
         self._root = int(self.model.jnt_qposadr[free[0]]) if free.size else None
-        self._held_for = 0.0
+        self._held_for, self._landed = 0.0, False
         mujoco.mj_forward(self.model, self.data)
         self._rest = self.data.qpos.copy()
         self._place = self.data.qpos[self._qpos].copy()
@@ -137,8 +138,8 @@ class Twin:
 
     @property
     def held(self) -> bool:
-        """Whether the trunk is held."""
-        return self._root is not None and self._held_for <= self.support
+        """Whether the trunk is held: until it has been set down, and its servos have held it for a while."""
+        return self._root is not None and not (self._landed and self._held_for > self.support)
 
     def advance(self, torques: Sequence[float], holding: Sequence[bool]) -> None:
         """One step under the servos' torques [N m]."""
@@ -180,6 +181,7 @@ class Twin:
         assert self._root is not None
         contact, scene = self.data.contact, self.model.geom_bodyid == 0
         depths = -contact.dist[scene[contact.geom].any(axis=1)] if self.data.ncon else np.zeros(0)
+        self._landed |= bool(depths.size)
         self._rest[self._root + 2] += depths.max() / 2 if depths.size else -LOWERING * self.step
         self.data.qpos[self._root : self._root + 7] = self._rest[self._root : self._root + 7]
         self.data.qvel[:6] = 0.0
@@ -203,20 +205,25 @@ class Twin:
         }
 
 
-def _without_actuators(path: str | Path) -> mujoco.MjModel:
-    """The model with its own actuators taken out: the emulated servos take their place, damping and armature stay."""
+def _compiled(source: str | Path | mujoco.MjSpec) -> mujoco.MjModel:
+    """The model on a floor, without its own actuators: the emulated servos take their place, damping and armature stay."""
     try:
-        spec = mujoco.MjSpec.from_file(str(path))
+        spec = source if isinstance(source, mujoco.MjSpec) else mujoco.MjSpec.from_file(str(source))
+        add_floor(spec, spec.compile())
         for element in [*spec.actuators, *spec.sensors, *spec.keys]:
             spec.delete(element)
         return spec.compile()
     except (ValueError, OSError) as error:
-        raise ServoError(f"{path}: no model for physics: {' '.join(str(error).split())}") from error
+        raise ServoError(f"{_named(source)}: no model for physics: {' '.join(str(error).split())}") from error
 
 
-def _hinge(model: mujoco.MjModel, joint: str, path: str | Path) -> int:
+def _named(source: str | Path | mujoco.MjSpec) -> str:
+    return source.modelname if isinstance(source, mujoco.MjSpec) else str(source)
+
+
+def _hinge(model: mujoco.MjModel, joint: str, source: str | Path | mujoco.MjSpec) -> int:
     found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, joint)
     if found < 0:
         names = [model.joint(j).name for j in range(model.njnt)]
-        raise ServoError(f"{path}: no joint {joint!r} as the servo map has; {known(names, typed=joint)}")
+        raise ServoError(f"{_named(source)}: no joint {joint!r} as the servo map has; {known(names, typed=joint)}")
     return int(found)

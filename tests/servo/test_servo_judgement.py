@@ -87,6 +87,15 @@ def test_thresholds_above_the_defaults_need_a_flag(tmp_path: Path) -> None:
     require_judged(passing(tmp_path, thresholds=Thresholds(foot_slip=0.005).changed), JUDGED, ARM, "arm.toml")
 
 
+def test_a_preview_is_no_pass_for_servos(tmp_path: Path) -> None:
+    path = passing(tmp_path, figures={"draws": 0})
+    for loose in (False, True):
+        with pytest.raises(ServoError, match=r"simulated once, .*--draws 0\): a preview .*judge it again: .*simulate"):
+            require_judged(path, JUDGED, ARM, "arm.toml", loose=loose)
+    require_judged(passing(tmp_path, figures={"draws": 10}), JUDGED, ARM, "arm.toml")
+    require_judged(passing(tmp_path, figures={"draws": 0}, mode="pinned"), JUDGED, ARM, "arm.toml", mode="pinned")
+
+
 def test_a_trajectory_of_another_robot_than_judged_is_refused(tmp_path: Path) -> None:
     path = passing(tmp_path, replace(JUDGED, robot="leg"))
     with pytest.raises(ServoError, match=r"is of the robot 'leg', .*report\.json of 'arm'"):

@@ -16,6 +16,8 @@ from robot_retarget.servo.emulator.server import Server, WireTiming
 from robot_retarget.servo.emulator.world import World
 
 if TYPE_CHECKING:
+    from mujoco import MjSpec
+
     from robot_retarget.servo.twin import Twin
 
 
@@ -23,7 +25,7 @@ def emulator(
     servo_map: ServoMap,
     link: Path | None = None,
     timing: WireTiming | None = None,
-    physics: Path | None = None,
+    physics: "Path | MjSpec | None" = None,
     faults: Sequence[str] = (),
     strict: bool = False,
     return_delay: int = 0,
@@ -37,7 +39,7 @@ def emulator(
         servo_map: ids, models, zeros and the baud rate.
         link: a stable name for the port.
         timing: the time that bytes take; by default none.
-        physics: MJCF of the robot.
+        physics: MJCF of the robot, or its specification.
         faults: sentences of `faults`.
         strict: drop frames without stuffing, and be silent at a wrong baud rate.
         return_delay: register 9 of every servo [2 µs].

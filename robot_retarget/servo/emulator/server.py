@@ -1,6 +1,7 @@
 """The emulated bus on a pseudo terminal: bytes in, bytes out, time in between."""
 
 import contextlib
+import errno
 import fcntl
 import json
 import os
@@ -79,10 +80,15 @@ class Terminal:
             self._name(link)
 
     def _name(self, link: Path) -> None:
+        """Link a stable name to the port. A lock on it tells other emulators that the name is taken, as long as this one lives."""
+        if link.is_symlink() and _taken(link):
+            self.close()
+            raise ServoError(f"{link} is the port of another emulator: stop that one, or give another --link")
         if link.exists() and not link.is_symlink():
             self.close()
             raise ServoError(f"{link} is in the way: it is no link of an emulator")
         try:
+            fcntl.lockf(self._slave, fcntl.LOCK_EX | fcntl.LOCK_NB)
             link.unlink(missing_ok=True)
             link.symlink_to(self.path)
         except OSError as error:
@@ -113,6 +119,21 @@ class Terminal:
         os.close(self._slave)
         if self.link is not None and self.link.is_symlink() and os.readlink(self.link) == self.path:
             self.link.unlink()
+
+
+def _taken(link: Path) -> bool:
+    """Return whether the port behind a link belongs to a living emulator, which holds a lock on it."""
+    try:
+        port = os.open(link, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    except OSError as error:
+        return error.errno == errno.EBUSY  # a host has the port for itself
+    try:
+        fcntl.lockf(port, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return True
+    finally:
+        os.close(port)
+    return False
 
 
 class Server:

@@ -8,7 +8,7 @@ import typer
 from robot_retarget.base.errors import ServoError, UsageError
 from robot_retarget.tools.cli import console
 from robot_retarget.tools.cli.command import app, command, option, options
-from robot_retarget.tools.cli.options import OUT, BaudOptions, PrintOptions
+from robot_retarget.tools.cli.options import OUT, BaudOptions, PrintOptions, load
 
 if TYPE_CHECKING:
     from robot_retarget.actuators.map import ServoMap
@@ -60,7 +60,9 @@ class EmulateOptions(MapNameOptions):
 
     link: Path | None = option("A stable name for the port.", default=None)
     physics: bool = option("Put the robot's MuJoCo model behind the servos.", default=False)
-    model: Path | None = option("MJCF for --physics; the shipped robot's by default.", default=None)
+    model: Path | None = option(
+        "MJCF or URDF for --physics, as `run` takes it; the shipped robot's by default.", default=None
+    )
     pendulum: str = option(
         "MASS,LENGTH [kg, m] on the shaft of every servo, for `identify`; without --physics.", default=""
     )
@@ -90,9 +92,11 @@ def emulate(how: EmulateOptions) -> None:
     if how.pendulum and how.physics:
         raise UsageError("--pendulum loads separate motors; with --physics the model is the load")
     servo_map = load_map(how.map_name)
-    body = (how.model or scene_of(servo_map.robot)) if how.physics else None
-    pace, load = _pace(how.baud, how.usb_latency), _pendulum(how.pendulum) if how.pendulum else None
-    what = (how.strict, how.return_delay, how.view, how.lockstep, load)
+    if how.model is not None and not how.physics:
+        raise UsageError("--model needs --physics: without it the motors turn alone")
+    body = (load(str(how.model)).spec() if how.model else scene_of(servo_map.robot)) if how.physics else None
+    pace, weight = _pace(how.baud, how.usb_latency), _pendulum(how.pendulum) if how.pendulum else None
+    what = (how.strict, how.return_delay, how.view, how.lockstep, weight)
     emulator(servo_map, how.link, pace, body, how.fault or (), *what).run(how.control)
 
 
