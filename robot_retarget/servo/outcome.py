@@ -1,7 +1,10 @@
-"""Options and outcome of a playback."""
+"""Options, outcome and log of a playback."""
 
+import io
+import os
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from math import inf
@@ -13,6 +16,7 @@ import numpy as np
 from robot_retarget.actuators.balance_tables import require_bounds, within
 from robot_retarget.actuators.goals import TRACKING_RMS
 from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import OutputError
 from robot_retarget.base.files import replacing
 
 
@@ -95,6 +99,46 @@ COLUMNS = ("goal", "plan", "motion", "present", "velocity", "current", "age", "e
 PHASES = ("approach", "play", "end", "hold", "lean")
 
 
+class Journal:
+    """The rows of a log in an `.npy` file that is whole after each of them: what a killed player leaves.
+
+    Args:
+        path: the file, which `close` removes.
+        most: number of rows, the latest; None for all.
+    """
+
+    def __init__(self, path: Path, most: int | None = None) -> None:
+        self.path, self._most, self._count = path, most, 0
+        self._row, self._header = np.zeros(()), b""
+        try:
+            self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o666)
+        except OSError as error:
+            raise OutputError(f"cannot write {path}: {error.strerror}") from error
+
+    def add(self, values: Mapping[str, Any]) -> None:
+        """Write a row, then the number of rows; a full disk stops no motion."""
+        if not self._header:
+            self._row = np.zeros((), dtype=[(name, "<f8", np.shape(value)) for name, value in values.items()])
+            stream = io.BytesIO()
+            np.lib.format.write_array(stream, np.zeros(0, dtype=self._row.dtype))
+            self._header = stream.getvalue()
+        for name, value in values.items():
+            self._row[name] = value
+        place = self._count if self._most is None else self._count % self._most
+        self._count += 1
+        rows = self._count if self._most is None else min(self._count, self._most)
+        before, after = self._header.split(b"(0,)")
+        header = (before + b"(%d,)" % rows + after.strip()).ljust(len(self._header) - 1) + b"\n"
+        with suppress(OSError):
+            os.pwrite(self._file, self._row.tobytes(), len(header) + place * self._row.itemsize)
+            os.pwrite(self._file, header, 0)
+
+    def close(self) -> None:
+        """Remove the file: the log is saved."""
+        os.close(self._file)
+        self.path.unlink(missing_ok=True)
+
+
 class Record:
     """A growing log, or one of the latest `most` ticks; saved as `play.npz` even when playing ends badly.
 
@@ -111,6 +155,29 @@ class Record:
         """Ticks that gave way to one that took too long."""
         names = "time", "phase", "busy", "late", *COLUMNS, "voltage", "temperature"
         self._rows: dict[str, deque[Any]] = {name: deque(maxlen=most) for name in names}
+        self._most = most
+        self._journal: Journal | None = None
+
+    @contextmanager
+    def kept(self, path: str | Path | None) -> Iterator[None]:
+        """Save the log at the end of a block, however it ends; `.part.npy` has its rows meanwhile, and after a kill.
+
+        Raises:
+            OutputError: the folder cannot be written.
+        """
+        if path is None:
+            yield
+            return
+        if Path(path).is_file() or not Path(path).exists():  # a device gets the log alone
+            self._journal = Journal(Path(path).with_suffix(".part.npy"), self._most)
+        try:
+            yield
+        finally:
+            if len(self) or self.events:
+                self.save(path)
+            if self._journal is not None:
+                self._journal.close()
+            self._journal = None
 
     def __len__(self) -> int:
         return len(self._rows["time"])
@@ -120,6 +187,8 @@ class Record:
         for name, rows in self._rows.items():
             value = values[name]
             rows.append(value.copy() if isinstance(value, np.ndarray) else value)
+        if self._journal is not None:
+            self._journal.add(values)
 
     def note(self, time: float, text: str) -> None:
         """Something that happened."""

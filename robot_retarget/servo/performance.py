@@ -307,12 +307,8 @@ def perform(
         raise ServoError(slow)
     if rate * watchdog < 2 and watchdog:
         raise ServoError(f"{rate:g} ticks a second do not feed a watchdog of {watchdog:g} s; {2 / watchdog:g} do")
-    try:
-        with Bus(port, servo_map.baud, STALL if options.lockstep else 0.0) as bus:
-            return act(Performance(bus, servo_map, rate, options, record, say))
-    finally:
-        if log is not None and (len(record) or record.events):
-            record.save(log)
+    with record.kept(log), Bus(port, servo_map.baud, STALL if options.lockstep else 0.0) as bus:
+        return act(Performance(bus, servo_map, rate, options, record, say))
 
 
 def ticks_to_skip(elapsed: float, period: float) -> int:

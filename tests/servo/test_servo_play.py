@@ -25,7 +25,7 @@ from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.check import require_fit
 from robot_retarget.servo.cycle import Judge
 from robot_retarget.servo.link import JointScale, Link
-from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions, PlaybackOutcome
+from robot_retarget.servo.outcome import COLUMNS, PHASES, PlaybackEnd, PlaybackOptions, PlaybackOutcome, Record
 from robot_retarget.servo.performance import take_hold
 from robot_retarget.servo.plan import ServoPlan
 from robot_retarget.servo.play import play
@@ -276,7 +276,7 @@ def test_when_the_player_is_killed_the_servos_stop_by_themselves(
     code = (
         "import sys; sys.path.insert(0, 'tests/servo'); sys.path.insert(0, 'tests')\n"
         "from test_servo_play import *\n"
-        f"play(PLAN, ARM, {emulator.port!r}, OPTIONS, say=lambda text: print(text, flush=True))"
+        f"play(PLAN, ARM, {emulator.port!r}, OPTIONS, {str(tmp_path / 'play.npz')!r}, lambda text: print(text, flush=True))"
     )
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, cwd=ROOT) as player:
         assert player.stdout
@@ -286,6 +286,24 @@ def test_when_the_player_is_killed_the_servos_stop_by_themselves(
         player.send_signal(signal.SIGKILL)
         until(lambda: all(s["bus_watchdog"] == -1 for s in emulator.servos().values()))
     assert all(s["torque_enable"] for s in emulator.servos().values())
+    left = np.load(tmp_path / "play.part.npy")
+    assert left.dtype["goal"].shape == (4,) and (np.diff(left["time"]) > 0).all()
+    assert PHASES[int(left["phase"][-1])] == phase
+    seen = {s.id: s.radians(emulator.servos()[s.id]["goal_position"]) for s in ARM.servos}
+    assert left["goal"][-1] == pytest.approx([seen[s.id] for s in ARM.servos], abs=0.02), "the last tick is in it"
+
+
+def test_a_saved_log_leaves_no_rows_behind_and_the_rows_are_those_of_the_log(tmp_path: Path) -> None:
+    record = Record(("a",), most=3)
+    row = dict.fromkeys((*COLUMNS, "voltage", "temperature"), np.zeros(1))
+    with record.kept(tmp_path / "play.npz"):
+        for k in range(5):
+            record.add(**row, time=float(k), phase=1, busy=0.0, late=0.0)
+        rows = np.load(tmp_path / "play.part.npy")
+    assert sorted(rows["time"]) == [2, 3, 4]
+    with np.load(tmp_path / "play.npz") as log:
+        assert log["time"].tolist() == [2, 3, 4]
+    assert [path.name for path in tmp_path.iterdir()] == ["play.npz"]
 
 
 def test_taking_hold_moves_nothing_from_250_random_poses(emulator: Emulated) -> None:
