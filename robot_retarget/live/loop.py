@@ -129,7 +129,9 @@ class StreamStats:
 
     def figures(self, source: FrameSource) -> dict[str, Any]:
         """Return the figures of the summary."""
-        p50, p99, most = (1000 * np.quantile(self.latencies or [np.nan], (0.5, 0.99, 1.0))).round(2).tolist()
+        p50 = p99 = most = None
+        if self.latencies:
+            p50, p99, most = (1000 * np.quantile(self.latencies, (0.5, 0.99, 1.0))).round(2).tolist()
         return {
             "frames": self.frames, "dropped": source.dropped, "late": self.late, "held": self.held,
             "seconds": round(self.seconds, 2), "latency_p50_ms": p50, "latency_p99_ms": p99, "latency_max_ms": most,
@@ -165,10 +167,11 @@ class Loop:
         self._silent = False
 
     def run(self, seconds: float = float("inf")) -> StreamStats:
-        """Run for a time after the first frame [s]."""
+        """Run for a time after the first frame, and wait no longer than this for it [s]."""
         if self.source.skeleton is not None and self.stream is None:
             self._begin(self.source.skeleton)
-        began = None if self.last is None else time.monotonic()
+        started = time.monotonic()
+        began = None if self.last is None else started
         before, spent = self.stats.seconds, 0.0
         while not self.stop.is_set() and not self.source.ended and spent < seconds:
             frame = self.source.newest(self._wait())
@@ -178,8 +181,8 @@ class Loop:
                 self._rest(self.last)
             now = time.monotonic()
             began = now if began is None and frame is not None else began
-            spent = 0.0 if began is None else now - began
-            self.stats.seconds = before + spent
+            spent = now - (started if began is None else began)
+            self.stats.seconds = before + (0.0 if began is None else spent)
         return self.stats
 
     def _wait(self) -> float:

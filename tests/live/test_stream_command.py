@@ -3,6 +3,7 @@
 import json
 import socket
 import subprocess
+from pathlib import Path
 
 import forked
 import pytest
@@ -48,6 +49,21 @@ def test_a_port_that_is_taken_is_said() -> None:
         taken.bind((HOST, 0))
         done = run("--robot", "op3", "--host", HOST, "--port", str(taken.getsockname()[1]))
     assert done.returncode == 2 and "--port takes another" in done.stderr
+
+
+@pytest.mark.parametrize("words", [(), ("--to", "servos", "--serial", "emulated")])
+def test_without_a_sender_a_stream_ends_after_its_seconds_and_says_so(words: tuple[str, ...], tmp_path: Path) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind((HOST, 0))
+        port = str(free.getsockname()[1])
+    done = run(
+        "--robot", "op3", "--port", port, "--seconds", "0.3", "--json", "--log", str(tmp_path / "play.npz"), *words
+    )
+    assert done.returncode == 2
+    assert f"no frame of a performer arrived at 127.0.0.1:{port} within 0.3 s" in done.stderr
+    said = done.stdout + done.stderr
+    figures = json.loads(said[said.index("{") : said.rindex("}") + 1])
+    assert figures["frames"] == 0 and figures["latency_p50_ms"] is None and "nan" not in said.lower()
 
 
 def test_the_sender_sends_in_real_time_and_says_how_much() -> None:

@@ -79,7 +79,9 @@ class StreamOptions(SceneOptions, FreezeOptions, LimitOptions):
     calibrate: Path | None = option(
         "Bone lengths, floor and facing (.npz): taken from it, and kept in it at the end.", default=None
     )
-    seconds: float | None = option("Duration [s]; by default until Ctrl-C.", default=None, min=0.1)
+    seconds: float | None = option(
+        "Duration from the first frame on, and longest wait for it [s]; by default until Ctrl-C.", default=None, min=0.1
+    )
     send: Path | None = option("Send this motion file as a performer would, instead.", default=None)
     fps: float | None = option("With --send: frames a second; by default the motion's own.", default=None)
 
@@ -109,6 +111,9 @@ def stream(how: StreamOptions, source: StreamInputOptions, place: StreamOutputOp
         console.dump(figures, side=place.target == "stdout")
     else:
         console.show_stream(figures)
+    if how.seconds is not None and not figures["frames"]:
+        at = f" at {source.host}:{source.port or source.source}" if source.port or source.source == "vmc" else ""
+        raise UsageError(f"no frame of a performer arrived{at} within {how.seconds:g} s")
     raise typer.Exit(code)
 
 
