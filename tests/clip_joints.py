@@ -9,7 +9,7 @@ SCHEMES = {
     "soma": "{}Arm {}ForeArm {}Hand {}Leg {}Shin {}Foot {}ToeBase",
     "xsens": "{}Shoulder {}Elbow {}Wrist {}Hip {}Knee {}Ankle {}Toe",
     "biovision": "{}Shoulder {}Elbow {}Wrist {}Hip {}Knee {}Ankle {}Ankle_end",
-    "wisconsin": "{}UpArm {}LowArm {}Hand {}UpLeg {}LowLeg {}Foot {}Foot_end",
+    "wisconsin": "{}UpArm {}LowArm {}Hand {}UpLeg {}LowLeg {}Foot",  # its feet end straight below the ankles
     "poser": "{}Shldr {}ForeArm {}Hand {}Thigh {}Shin {}Foot {}Foot_end",
     "makehuman": "upperarm01.{0} lowerarm01.{0} wrist.{0} upperleg01.{0} lowerleg01.{0} foot.{0} toe1-1.{0}",
     "makehuman, old": "UpArm_{0} LoArm_{0} Hand_{0} UpLeg_{0} LoLeg_{0} Foot_{0} Toe_{0}",
@@ -78,5 +78,5 @@ def expected(clip: str) -> dict[str, tuple[str, ...]]:
     for side, word in zip("lr", sides, strict=True):
         names = SCHEMES[scheme].format(*([word] * 7 if isinstance(word, str) else word)).split()
         parts = ("shoulder", "elbow", "hand", "hip", "knee", "ankle", "toe")
-        joints |= {f"{side}_{part}": (name,) for part, name in zip(parts, names, strict=True)}
+        joints |= {f"{side}_{part}": (name,) for part, name in zip(parts, names, strict=False)}
     return joints | {"pelvis": joints["l_hip"] + joints["r_hip"]}
