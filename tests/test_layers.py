@@ -15,11 +15,11 @@ import robot_retarget
 PACKAGE = ROOT / "robot_retarget"
 LAYERS = {
     "base": set[str](),
-    "contact": set(),
     "actuators": set(),
     "scene": set(),
     "trajectory": {"actuators", "scene"},
     "robot": {"actuators", "trajectory", "scene"},
+    "contact": {"robot", "scene"},
     "human": {"contact", "trajectory", "robot", "scene"},
     "graph": {"contact", "robot", "human", "scene"},
     "scores": {"contact", "trajectory", "robot", "human", "graph"},
@@ -29,7 +29,7 @@ LAYERS = {
     "judge": {"trajectory", "robot", "solver", "actuators", "collision", "scene"},
     "servo": {"actuators", "trajectory", "scene"},
     "formats": {"actuators", "trajectory", "human", "robot", "scene"},
-    "edit": {"trajectory", "robot", "human", "graph", "solver", "formats", "judge", "scene"},
+    "edit": {"contact", "trajectory", "robot", "human", "graph", "solver", "formats", "judge", "scene"},
     "live": {"actuators", "human", "robot", "servo", "judge", "scene"},
 }
 """Every folder and module below the commands, lower ones first, with its permitted imports in addition to `base`."""

@@ -1,7 +1,7 @@
 """The contact schedule: when toe and heel of each foot stand, for a clip and for a stream.
 
 Both use the rule of `rule`. A clip is smoothed over time; a stream holds a change for the shortest contact instead. The
-ankle of a human represents the heel; a robot has the front and the rear half of its sole.
+ankle represents the heel.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,7 +10,7 @@ from math import exp
 import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, Ints, lengths
-from robot_retarget.contact.rule import JOINTS, SOLES, ContactRule, over_lowest, standing, without_flicker
+from robot_retarget.contact.rule import JOINTS, ContactRule, over_lowest, standing, without_flicker
 
 PARTS = ("toe", "ankle")
 """Keypoints of a foot, in the order of the columns of a schedule."""
@@ -72,24 +72,6 @@ def on_soles(contacts: Mapping[str, Bools], segments: Mapping[str, Floats]) -> d
             ahead, up = axes[:, 2, :1], axes[:, 2, 2:]
             borne[foot] = stands & (np.maximum(ahead * DOWN, up) > TILT)
     return borne
-
-
-def sole_schedule(sole: Floats, ahead: Floats, leg: float, fps: float) -> Bools:
-    """Detect the contacts of a robot's foot.
-
-    Args:
-        sole: (T, P, 3) points of the sole, over level ground [m].
-        ahead: (P,) how far each is ahead [any unit]; the middle divides toe and heel.
-        leg: length of the robot's leg [m].
-        fps: frames per second [1/s].
-
-    Returns:
-        (T, 2) whether the toe stands, and whether the heel stands.
-    """
-    front = ahead > (ahead.min() + ahead.max()) / 2
-    edges = [sole[:, own] / leg for own in (front, ~front)]
-    stands = [standing(edge.mean(axis=1), edge[..., 2].min(axis=1), fps, SOLES) for edge in edges]
-    return np.stack(stands, axis=1)
 
 
 def high_feet(heights: Floats, fps: float, rule: ContactRule = JOINTS) -> Bools:

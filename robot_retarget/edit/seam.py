@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import JERK_PEAK, Bools, Floats, Ints
 from robot_retarget.base.errors import TrajectoryError, UsageError
+from robot_retarget.contact.rule import SOLES, on_surface
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.recognition.recognise import leg_length
 
@@ -52,16 +53,29 @@ class Stances:
 
     @cached_property
     def down(self) -> Bools:
-        """(T, F) whether each foot stands; F = 0 for a body without soles."""
-        contacts = self.motion.contacts
-        if contacts is None:
+        """(T, F) whether each foot is on the floor, at any speed; F = 0 for a body without soles."""
+        if self.motion.contacts is None:
             return np.zeros((len(self.motion), 0), bool)
-        return np.asarray(contacts[:, 0::2] | contacts[:, 1::2])
+        return np.stack([on_surface(self._heights(side), SOLES) for side in NAMES], axis=1)
+
+    def _heights(self, side: str) -> Floats:
+        """(T, P) of the toe and the ankle of a foot, over those of a level foot on the floor [leg lengths]."""
+        recognition, z = self.motion.recognition, self.motion.positions[..., 2]
+        ankle, toe = (recognition.marks.get(f"{side}_{part}") for part in ("ankle", "toe"))
+        assert ankle is not None
+        found = [z[:, ankle.joints[0]] - (recognition.ankle_height or 0.0)]
+        if toe is not None:
+            found.append(z[:, toe.joints[0]] - SOLES.floor_height(z[:, toe.joints[0]]))
+        return np.stack(found, axis=1) / self.leg
 
     @cached_property
     def leg(self) -> float:
         """Length of the leg [m]."""
-        return leg_length(self.motion.recognition, self.motion.skeleton.rest()[None]) if self.down.size else 1.0
+        return (
+            leg_length(self.motion.recognition, self.motion.skeleton.rest()[None])
+            if self.motion.contacts is not None
+            else 1.0
+        )
 
     @cached_property
     def places(self) -> Places:

@@ -5,11 +5,9 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.keypoints import SIDES, parent_indices
-from robot_retarget.contact.feet import sole_schedule
-from robot_retarget.contact.rule import SOLES
+from robot_retarget.contact.soles import sole_contacts
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.recognition import Mark, Recognition
-from robot_retarget.human.recognition.recognise import leg_length
 from robot_retarget.human.segments import TURNED_BY
 from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.robot import Anatomy, Robot, recognise_with, world_points
@@ -37,22 +35,15 @@ def performed(trajectory: Trajectory, robot: Robot, anatomy: Anatomy | None = No
     require_same_robot(trajectory, robot)
     anatomy, qpos = anatomy or recognise_with(robot, {}), trajectory.qpos
     recognition, skeleton = _recognition(anatomy), _skeleton(robot, anatomy)
-    soles = {side: world_points(robot, tread, qpos) for side, tread in anatomy.treads.items()}
-    lowest = [sole[..., 2].min(axis=1) for sole in soles.values()]
-    floor = np.array([0.0, 0.0, SOLES.floor_height(np.min(lowest, axis=0)) if lowest else 0.0])
-    contacts = None
-    if soles.keys() == set(SIDES):
-        leg = leg_length(recognition, skeleton.rest()[None])
-        stands = [sole_schedule(soles[s] - floor, _ahead(anatomy, s), leg, trajectory.fps)[:, ::-1] for s in SIDES]
-        contacts = np.concatenate(stands, axis=1)
+    feet = sole_contacts(robot, anatomy, qpos, trajectory.fps)
     return Motion(
         skeleton,
-        world_points(robot, anatomy.points, qpos) - floor,
+        world_points(robot, anatomy.points, qpos) - [0.0, 0.0, feet.floor],
         _rotations(robot, anatomy, qpos),
         trajectory.fps,
         trajectory.source,
         (*trajectory.notes, *_left_out(trajectory)),
-        contacts=contacts,
+        contacts=feet.labels if set(feet.feet) == set(SIDES) else None,
         start_time=float(trajectory.source_time[0]),
         known=recognition,
     )
@@ -88,8 +79,3 @@ def _rotations(robot: Robot, anatomy: Anatomy, qpos: Floats) -> Floats:
         k = anatomy.names.index(TURNED_BY.get(segment, segment))
         turns[:, k] = turns[:, k] @ axes
     return Rotation.from_matrix(turns.reshape(-1, 3, 3)).as_quat(scalar_first=True).reshape(*turns.shape[:2], 4)
-
-
-def _ahead(anatomy: Anatomy, side: str) -> Floats:
-    """Return (P,) how far the points of a sole are ahead in its foot [m]."""
-    return anatomy.treads[side].offsets @ anatomy.frames[f"{side}_foot"][1][:, 0]
