@@ -104,7 +104,7 @@ class RobotGraph(Graph):
         return replace(self, tracks=with_added(self.tracks, edge, self.fps, self.match.robot_leg))
 
     def balanced(self, share: float) -> "RobotGraph":
-        """Return the graph of a motion that balance follows: without the kinds that it plans, and with less speed.
+        """Return the graph of a motion that balance follows, with less speed.
 
         Args:
             share: of every bound on the speed of joints [-].
@@ -114,7 +114,6 @@ class RobotGraph(Graph):
             if (track.role, track.stencil) == (Role.BOUND, STEP)
             else track
             for track in self.tracks
-            if not track.kind.planned
         )
         return replace(self, tracks=tuple(tracks))
 

@@ -174,8 +174,6 @@ class Kind:
     """Whether a user adds the edges: a command that misses a hard one of them fails."""
     whole: bool = False
     """Whether the edges belong together: single ones are dropped by π = 0."""
-    planned: bool = False
-    """Whether balance replaces the edges by a plan of its own: a balanced motion has none of them."""
     raises_root: bool = False
     """Whether raising the root restores a symbolic inequality: a height over the floor."""
     most: int = 24

@@ -70,8 +70,6 @@ class Weights:
     """Factor for the place of the root: legs absorb what would accelerate the whole body [rad²/m²] ..."""
     smooth_turn: float = 50.0
     """... and for its rotation [-]."""
-    zmp: float = 0.0
-    """The zero moment point outside the hull of the soles that stand, over the leg; 0 disables it [-]."""
     inertia: float = 0.5
     """Inertia of hinges in streams, as a share of that of `RealTime.frequency` [-] ..."""
     inertia_leg: float = 3.0

@@ -284,7 +284,7 @@ def carried(
 ) -> Result:
     """Carry the motion of a robot performer over to a robot, as `transfer`; with balance, smoothness has its weight."""
     given = weights or Weights()
-    exact = replace(given, rest=EXACT * given.rest, swing=0.0, zmp=0.0)
+    exact = replace(given, rest=EXACT * given.rest, swing=0.0)
     if not balance_modes(robot, legs, balance):
         exact = replace(exact, smooth=EXACT * given.smooth, smooth_root=1.0, smooth_turn=1.0)
     kinds = [kind.for_robot() for kind in KINDS]

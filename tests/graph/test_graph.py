@@ -31,7 +31,7 @@ def test_every_kind_and_every_limit_of_the_bodies_is_there_in_its_number() -> No
     graph, robot = clap(), load_robot("op3")
     keypoints, hinges = len(graph.match.keypoints), len(robot.joint_names)
     pairs = keypoints * (keypoints - 1) // 2
-    absent = ("interaction", "zmp", "coupling", "contact", "near", "clearance")  # off, no gears, no scene
+    absent = ("interaction", "coupling", "contact", "near", "clearance")  # off, no gears, no scene
     assert list(graph.kinds) == [kind.name for kind in KINDS if kind.name not in absent]
     count = {name: len(track) for name, track in graph.kinds.items()}
     bones = int((graph.match.parents >= 0).sum())

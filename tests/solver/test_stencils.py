@@ -14,7 +14,6 @@ from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.kind import Kind, RetargetContext, Track, exact
 from robot_retarget.graph.kinds import clip_kinds
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
-from robot_retarget.graph.weights import Weights
 from robot_retarget.robot.kinematics import integrate
 from robot_retarget.solver.options import SolveOptions
 from robot_retarget.solver.problem import build_problem, targets_of
@@ -63,7 +62,7 @@ def measured(graph: RobotGraph, stencil: tuple[int, ...], qpos: Floats) -> Float
 def solver(request: pytest.FixtureRequest) -> tuple[FrameSolver, RobotGraph, Floats]:
     kinds = (*clip_kinds(), Swing(stencil=request.param))
     motion = rr.read_motion(SAMPLES / "wave.bvh").frames(12, 12 + FRAMES)
-    graph = rr.describe(motion, rr.load_robot("op3"), kinds=kinds, weights=Weights(zmp=0.0))
+    graph = rr.describe(motion, rr.load_robot("op3"), kinds=kinds)
     problem = build_problem(graph.robot, graph.match, graph.tracks)
     draw = np.random.default_rng(0)
     away = draw.normal(scale=0.1, size=(FRAMES, graph.robot.model.nv))

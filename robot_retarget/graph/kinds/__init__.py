@@ -12,7 +12,6 @@ from robot_retarget.graph.kinds.joints import CouplingKind, InertiaKind, RangeKi
 from robot_retarget.graph.kinds.pose import CompassKind, OrientationKind, PathKind
 from robot_retarget.graph.kinds.posture import NearKind, PostureKind, TouchKind
 from robot_retarget.graph.kinds.separation import FloorKind, SeparationKind
-from robot_retarget.graph.kinds.zmp import ZmpKind
 
 GROUP = "robot_retarget.kinds"
 """Entry points of this group name further kinds: a `Kind`, or a class of one."""
@@ -27,7 +26,6 @@ KINDS: tuple[Kind, ...] = (
     RestKind(),
     FootholdKind(),
     SmoothnessKind(),
-    ZmpKind(),
     InteractionKind(),
     CouplingKind(),
     FloorKind(),
