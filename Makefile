@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 
 .PHONY: demo test lowest check docs bench clean
 
-demo: $(VENV)/.ready
+demo: $(VENV)/.demo
 	$(BIN)/robot-retarget demo --out demo
 
 test: $(VENV)/.ready
@@ -22,11 +22,19 @@ check: $(VENV)/.ready
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
 
-$(VENV)/.ready: pyproject.toml
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --upgrade pip
-	$(BIN)/python -m pip install --editable '.[dev]'
+# What the demo needs; the tools of developers are twice as large.
+$(VENV)/.demo: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --editable '.[plots,video,view]'
 	touch $@
+
+$(VENV)/.ready: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --editable '.[dev]'
+	touch $(VENV)/.demo $@
+
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	  echo "Python 3.11 or newer is needed, and $(PYTHON) is $$($(PYTHON) --version 2>&1). Name another: make $(MAKECMDGOALS) PYTHON=python3.11"; exit 2; }
+	$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); exit 2; }
 
 bench: $(VENV)/.ready
 	$(BIN)/python scripts/bench/write_performance.py

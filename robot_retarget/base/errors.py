@@ -4,7 +4,11 @@ Every error the package raises on purpose descends from `RobotRetargetError`; th
 without a traceback and exits with code 2.
 """
 
+import re
+import shlex
+import sys
 from collections.abc import Iterable
+from functools import cache
 from pathlib import Path
 
 
@@ -64,12 +68,28 @@ class UsageError(RobotRetargetError):
 
 
 DISTRIBUTION = "humanoid-retarget"
-"""The name to install; the package is `robot_retarget` and the command `robot-retarget`."""
+"""The name of the installed distribution; the package is `robot_retarget` and the command `robot-retarget`."""
+
+
+@cache
+def extra_requirements(extra: str) -> tuple[str, ...]:
+    """Return what an extra of this package asks for, from the metadata of the installation; empty without them."""
+    from importlib.metadata import PackageNotFoundError, requires
+
+    try:
+        lines = [line.partition(";") for line in requires(DISTRIBUTION) or ()]
+    except PackageNotFoundError:
+        return ()
+    return tuple(what.strip() for what, _, marker in lines if extra in re.findall(r"extra == ['\"](\w+)", marker))
 
 
 def install_line(extra: str) -> str:
-    """Return the command that installs an extra of this package."""
-    return f"pip install '{DISTRIBUTION}[{extra}]'"
+    """Return the command that installs what an extra asks for, for the Python that runs.
+
+    It names the other projects' packages: this one need not be on an index.
+    """
+    wanted = extra_requirements(extra) or (f".[{extra}]",)
+    return shlex.join([sys.executable, "-m", "pip", "install", *wanted])
 
 
 def known(names: Iterable[str], limit: int = 24, typed: object = "") -> str:

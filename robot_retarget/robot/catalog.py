@@ -35,7 +35,6 @@ from robot_retarget.trajectory import Trajectory, load_trajectory
 
 KINDS = {"_mj_description": "MJCF_PATH", "_description": "URDF_PATH"}
 """How the package ends the names of its modules, and where each says its file is; MJCF goes first."""
-EXTRA = install_line("descriptions")
 
 
 def described(name: str, shipped: tuple[str, ...]) -> Path:
@@ -52,7 +51,7 @@ def described(name: str, shipped: tuple[str, ...]) -> Path:
         from robot_descriptions._descriptions import DESCRIPTIONS
     except ImportError:
         raise RobotError(
-            f"unknown robot {name!r}; {did_you_mean(name, shipped)}{choices}; robots of robot_descriptions (g1, h1, t1 …) need: {EXTRA}"
+            f"unknown robot {name!r}; {did_you_mean(name, shipped)}{choices}; robots of robot_descriptions (g1, h1, t1 …) need: {install_line('descriptions')}"
         ) from None
     entries = humanoids(DESCRIPTIONS)
     module = resolved(name, entries)

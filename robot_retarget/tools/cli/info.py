@@ -8,13 +8,13 @@ import shutil
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, requires, version
+from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 
 import typer
 
-from robot_retarget.base.errors import DISTRIBUTION, RobotRetargetError, UsageError, install_line
+from robot_retarget.base.errors import DISTRIBUTION, RobotRetargetError, UsageError, extra_requirements, install_line
 from robot_retarget.tools.cli import console
 from robot_retarget.tools.cli.command import argument, command, option, options
 from robot_retarget.tools.cli.options import DEFAULT_ROBOT, LimitOptions, PrintOptions, ReadOptions, load
@@ -170,24 +170,14 @@ def _ffmpeg() -> ComponentStatus:
 
 def extras() -> Iterator[ComponentStatus]:
     """Whether each extra is installed, by the modules of its distributions."""
-    wanted: dict[str, list[str]] = {extra: [] for extra in EXTRAS}
-    try:
-        names = requires(DISTRIBUTION) or []
-    except PackageNotFoundError:
-        yield ComponentStatus(
-            "extras", "optional", f"unknown: {DISTRIBUTION} runs without being installed", "pip install -e ."
-        )
-        return
-    for line in names:
-        name, extra = re.match(r"[\w-]+", line), re.search(r"extra == ['\"](\w+)['\"]", line)
-        if name and extra and extra[1] in wanted:
-            wanted[extra[1]].append(name[0].lower())
-    for extra, distributions in wanted.items():
-        lost = [name for name in distributions if find_spec(MODULES.get(name, name.replace("-", "_"))) is None]
-        if lost:
-            yield ComponentStatus(f"extra {extra}", "optional", f"without {', '.join(lost)}", install_line(extra))
+    for extra in EXTRAS:
+        names = [re.split(r"[^\w-]", line)[0].lower() for line in extra_requirements(extra)]
+        lost = [name for name in names if find_spec(MODULES.get(name, name.replace("-", "_"))) is None]
+        if not names or lost:
+            detail = f"without {', '.join(lost)}" if names else f"unknown: {DISTRIBUTION} is not installed"
+            yield ComponentStatus(f"extra {extra}", "optional", detail, install_line(extra))
         else:
-            yield ComponentStatus(f"extra {extra}", "ok", ", ".join(distributions))
+            yield ComponentStatus(f"extra {extra}", "ok", ", ".join(names))
 
 
 def ports(root: Path) -> Iterator[ComponentStatus]:

@@ -69,7 +69,7 @@ class PlayOptions(BaudOptions):
     grace: float = option(
         "After Ctrl-C without a way into a stand: time to hold; another Ctrl-C switches torque off [s].", default=10.0
     )
-    wait: float = option("Longest wait for a missing port [s].", default=5.0, min=0)
+    wait: float = option("Longest wait for a missing port [s].", default=30.0, min=0)
     dry_run: bool = option("Check everything, move nothing.", "--dry-run", default=False)
 
     @property

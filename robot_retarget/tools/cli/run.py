@@ -5,13 +5,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from shutil import rmtree
+from shutil import copyfile, rmtree
 from typing import TYPE_CHECKING
 
 import typer
 
 from robot_retarget.base.errors import UsageError
-from robot_retarget.base.files import folder
+from robot_retarget.base.files import folder, replacing, write_text
 from robot_retarget.tools.cli import console
 from robot_retarget.tools.cli.command import NOTHING, command, option, options
 from robot_retarget.tools.cli.console import progress
@@ -50,20 +50,6 @@ if TYPE_CHECKING:
     """A film in a file, a loop, or the reason why there is neither."""
 
 
-@dataclass(frozen=True)
-class Filled:
-    """A folder of results that is being filled."""
-
-    path: Path
-    """Folder of the files until all are complete."""
-    place: Path
-    """Where they go."""
-
-    def written(self) -> list[str]:
-        """The names of the files that were written, sorted."""
-        return sorted(file.name for file in self.path.iterdir())
-
-
 RESULTS = (
     "trajectory.npz",
     "report.json",
@@ -76,15 +62,42 @@ RESULTS = (
     "report.pinned.json",
 )
 """Files of a folder of results, which belong together: those of an earlier run go when the new ones come."""
-UNFINISHED = ".unfinished-"
-"""Prefix of the folder that holds results until all are complete."""
+UNFINISHED, COMPLETE = ".unfinished-", ".complete-"
+"""Prefixes of the folder that holds results, until all are written and until all are in their place."""
+WANTED = ".names"
+"""File in a complete folder that lists its results."""
+
+
+@dataclass(frozen=True)
+class Filled:
+    """A folder of results that is being filled."""
+
+    path: Path
+    """Folder of the files until all are complete."""
+    place: Path
+    """Where they go."""
+    earlier: tuple[str, ...]
+    """Results of an earlier run in that place."""
+
+    def written(self) -> list[str]:
+        """The names of the files that were written, sorted."""
+        return sorted(file.name for file in self.path.iterdir())
+
+    def show(self, name: str) -> Path:
+        """Return where a file can be looked at now: in its place, unless results of an earlier run stand there."""
+        if self.earlier:
+            return self.path / name
+        with replacing(self.place / name) as scratch:
+            copyfile(self.path / name, scratch)
+        return self.place / name
 
 
 @contextmanager
 def filling(place: Path) -> Iterator[Filled]:
     """Fill a folder with results that replace earlier ones together, at the end or on Ctrl-C.
 
-    A run that is killed leaves the earlier results whole; the next run deletes the unfinished files.
+    A run that is killed leaves the earlier results, or, once all new files are complete, the new ones: the next run puts the rest
+    of them in their place before it begins.
 
     Raises:
         OutputError: The folder cannot be made or written.
@@ -92,33 +105,51 @@ def filling(place: Path) -> Iterator[Filled]:
     """
     made = [folder_ for folder_ in (place, *place.parents) if not folder_.exists()]
     folder(place)
-    earlier = [name for name in RESULTS if (place / name).exists()]
+    for complete in sorted(place.glob(f"{COMPLETE}*")):
+        _put(complete, place)
     for left in place.glob(f"{UNFINISHED}*"):
         rmtree(left)
-    filled = Filled(Path(tempfile.mkdtemp(dir=place, prefix=UNFINISHED)), place)
+    earlier = tuple(name for name in RESULTS if (place / name).exists())
+    filled = Filled(Path(tempfile.mkdtemp(dir=place, prefix=UNFINISHED)), place, earlier)
+    kept = False
     try:
         yield filled
-        _put(filled)
+        kept = _replace(filled)
         if earlier:
             console.note(f"replaced the results of an earlier run in {place}: {', '.join(earlier)}")
     except KeyboardInterrupt as stopped:
         message = f"kept {', '.join(filled.written())} in {place}" if filled.written() else NOTHING
-        _put(filled)
+        kept = _replace(filled)
         raise KeyboardInterrupt(message) from stopped
     finally:
-        rmtree(filled.path)
+        rmtree(filled.path, ignore_errors=True)
+        for name in () if kept or earlier else RESULTS:
+            (place / name).unlink(missing_ok=True)
         for one in made:
             if not any(one.iterdir()):
                 one.rmdir()
 
 
-def _put(filled: Filled) -> None:
-    """Put the files in the place of earlier results, if there are any."""
-    written = filled.written()
-    for name in RESULTS if written else ():
-        (filled.place / name).unlink(missing_ok=True)
-    for name in written:
-        (filled.path / name).replace(filled.place / name)
+def _replace(filled: Filled) -> bool:
+    """Put the files in the place of earlier results; return whether there are any."""
+    names = filled.written()
+    if names:
+        write_text(filled.path / WANTED, "\n".join(names))
+        complete = filled.path.with_name(filled.path.name.replace(UNFINISHED, COMPLETE))
+        filled.path.rename(complete)
+        _put(complete, filled.place)
+    return bool(names)
+
+
+def _put(complete: Path, place: Path) -> None:
+    """Move a complete folder's files to their place; whatever part of it is done already, the end is the same."""
+    names = (complete / WANTED).read_text(encoding="utf-8").split("\n")
+    for name in set(RESULTS) - set(names):
+        (place / name).unlink(missing_ok=True)
+    for name in names:
+        if (complete / name).exists():
+            (complete / name).replace(place / name)
+    rmtree(complete)
 
 
 @options
@@ -143,31 +174,35 @@ def fill_folder(
         play: play what passes on an emulated bus too, for robots that ship with a servo map.
     """
     from robot_retarget.tools.summary import describe_solution
+    from robot_retarget.tools.view.web.take import view
 
-    out = how.out
+    out, say = how.out, (lambda text: None) if printing.json else console.say
+    say(f"{motion.source} to {robot.name}: {motion.duration:.3g} s of motion")
     with filling(out) as filled, progress() as begin:
         result = solved(goals.describe(motion, robot), how, begin(f"retarget to {robot.name}"))
-        target = filled.path
+        found, target = describe_solution(result.solution, result.notes), filled.path
+        viewer = view(result).save(target / "viewer.html")
+        if not printing.json:
+            console.show_solution(found, explain=False)
+        say(f"look at it while it is judged: {filled.show(viewer.name)}")
         report, warnings = _tried(result, target, how, begin("simulate"))
+        view(result, report=report).save(viewer)
+        if not printing.json:
+            console.show_report(report)
         outcome = played_on_emulated(robot.name, target) if play and report.verdict == "pass" else None
         if outcome is not None:
             report = report.with_playback(outcome.figures)
             report.save(target / "report.json")
+            if not printing.json:
+                console.show_playback(outcome.figures)
+            say(f"{outcome.sentence}, on the emulated robot")
         pictures = _shown(result, target, how.video, begin)
-        viewer = _write_viewer(result, report, target / "viewer.html")
         write_page(report, target / "trajectory.npz", warnings, target / "report.html", *pictures, viewer)
         files = filled.written()
-    found = describe_solution(result.solution, result.notes)
     if printing.json:
         console.dump({"solution": found, "report": report.contract(), "folder": str(out), "files": files})
-    else:
-        console.show_solution(found, explain=False)
-        console.show_report(report)
-        if outcome is not None:
-            console.show_playback(outcome.figures)
-            console.say(f"{outcome.sentence}, on the emulated robot")
-        console.say(f"wrote {', '.join(files)} in {out}")
-        console.say(f"next: open {out / 'report.html'} in a browser; it leads to {out / 'viewer.html'}")
+    say(f"wrote {', '.join(files)} in {out}")
+    say(f"next: open {out / 'report.html'} in a browser; it leads to {out / 'viewer.html'}")
     return report.verdict
 
 
@@ -253,13 +288,6 @@ def _note_of(drawn: "Film | Picture | Unavailable") -> str:
     from robot_retarget.tools.view.picture import Unavailable
 
     return drawn.reason if isinstance(drawn, Unavailable) else drawn.note
-
-
-def _write_viewer(result: "Result", report: "Report", page: Path) -> Path:
-    """Write the viewer of the motion."""
-    from robot_retarget.tools.view.web.take import view
-
-    return view(result, report=report).save(page)
 
 
 def write_page(

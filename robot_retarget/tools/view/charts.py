@@ -255,7 +255,6 @@ def _themed(svg: str) -> str:
 MOST = 8
 """Pairs shown, the earliest flagged first."""
 FORMATS = ("jpg", "pdf", "png", "svg")
-NEEDS_MATPLOTLIB = f"curves need matplotlib: {install_line('plots')}"
 
 
 def require_drawable(path: str | Path) -> None:
@@ -269,6 +268,15 @@ def require_drawable(path: str | Path) -> None:
         raise OutputError(f"cannot draw {path}: {suffix or 'no suffix'} is no picture format; {known(FORMATS)}")
 
 
+def without_matplotlib() -> Unavailable | None:
+    """Return why curves cannot be drawn, if they cannot."""
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError:
+        return Unavailable(f"curves need matplotlib: {install_line('plots')}")
+    return None
+
+
 def plot_warnings(warnings: Warnings, path: str | Path) -> Path | Unavailable:
     """Draw D, the distance now and α over time for the pairs that were flagged.
 
@@ -276,11 +284,11 @@ def plot_warnings(warnings: Warnings, path: str | Path) -> Path | Unavailable:
         OutputError: the picture cannot be written, or its suffix is not that of a picture.
     """
     require_drawable(path)
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError:
-        return Unavailable(NEEDS_MATPLOTLIB)
+    if missing := without_matplotlib():
+        return missing
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
     shown = np.flatnonzero(warnings.flagged.any(axis=0))
     if not shown.size:
         return Unavailable("no pair was flagged: there is nothing to draw")

@@ -13,7 +13,7 @@ from robot_retarget.base.arrays import Floats, Ints
 from robot_retarget.base.errors import UsageError, install_line
 from robot_retarget.base.files import replacing
 from robot_retarget.robot.model import Robot
-from robot_retarget.tools.view.picture import NEEDS_PILLOW, Picture, Pixels, Unavailable, has_pillow, labelled
+from robot_retarget.tools.view.picture import Picture, Pixels, Unavailable, labelled, without_pillow
 from robot_retarget.tools.view.render import MOVING, STILL, Finish, open_stage
 from robot_retarget.tools.view.staging import Staging, arrange
 from robot_retarget.trajectory import Trajectory
@@ -70,8 +70,8 @@ def strip(
     if count < 1:
         raise UsageError(f"a strip needs at least one moment, got {count}")
     staging = arrange(robot, trajectory, human, bones, np.linspace(0, trajectory.duration, count))
-    if not has_pillow():
-        return Unavailable(NEEDS_PILLOW)
+    if missing := without_pillow():
+        return missing
     with painter(staging, round(height * staging.aspect), height) as (paint, note):
         moments = [labelled(paint(k), f"{time:.1f} s") for k, time in enumerate(staging.times)]
     gap = np.full((height, GAP, 3), 255, np.uint8)
@@ -115,8 +115,8 @@ def loop(
         UsageError: a human of another shape.
         TrajectoryError: it belongs to another robot.
     """
-    if not has_pillow():
-        return Unavailable(NEEDS_PILLOW)
+    if missing := without_pillow():
+        return missing
     from PIL import Image
 
     pace = max(trajectory.duration * LOOP_FPS / MOST, 1.0)
@@ -136,7 +136,6 @@ HEIGHT = 720
 """Of the film [pixels]."""
 ASPECT = 4 / 3
 """Width over height of the film: 960 by 720. What needs more room to the sides has a wider one."""
-NEEDS_FFMPEG = f"films need imageio-ffmpeg: {install_line('video')}"
 
 
 @dataclass(frozen=True)
@@ -176,14 +175,14 @@ def video(
         raise UsageError(f"frames per second must be positive, got {fps}")
     times = np.arange(int(trajectory.duration * fps + 1e-9) + 1) / fps
     staging = arrange(robot, trajectory, human, bones, times)
-    if not has_pillow():
-        return Unavailable(NEEDS_PILLOW)
+    if missing := without_pillow():
+        return missing
     try:
         import imageio_ffmpeg
 
         imageio_ffmpeg.get_ffmpeg_exe()
     except (ImportError, RuntimeError):
-        return Unavailable(NEEDS_FFMPEG)
+        return Unavailable(f"films need imageio-ffmpeg: {install_line('video')}")
     with replacing(path) as scratch:
         note = _film(staging, scratch, fps, height, progress)
     return Film(Path(path), len(times), note)
@@ -246,8 +245,8 @@ def gif(
     """
     if not 0 < fps <= 50:
         raise UsageError(f"a GIF has up to 50 pictures a second, got {fps:g}")
-    if not has_pillow():
-        return Unavailable(NEEDS_PILLOW)
+    if missing := without_pillow():
+        return missing
     from PIL import Image
 
     times = np.arange(int(trajectory.duration * fps + 1e-9) + 1) / fps

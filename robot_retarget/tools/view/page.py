@@ -16,7 +16,6 @@ from robot_retarget.judge.report import Report
 from robot_retarget.judge.report_text import facts, headline, judged_lines
 from robot_retarget.judge.verdict import shown
 from robot_retarget.tools.view import charts
-from robot_retarget.tools.view.charts import NEEDS_MATPLOTLIB
 from robot_retarget.tools.view.film import AnimatedWebP
 from robot_retarget.tools.view.picture import Picture, Unavailable
 from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory
@@ -52,10 +51,8 @@ def save_page(
     played = trajectory if isinstance(trajectory, Trajectory) else load_trajectory(trajectory)
     if fingerprint(trajectory) != report.trajectory_sha256:
         raise TrajectoryError("the report is of another trajectory: their sha256 differ")
-    try:
-        import matplotlib  # noqa: F401
-    except ImportError:
-        return Unavailable(NEEDS_MATPLOTLIB)
+    if missing := charts.without_matplotlib():
+        return missing
     lines, heads = judged_lines(report), _joint_heads(report.figures["joints"])
     broken = [line for line in lines if not line.held]
     page = rendered(

@@ -18,7 +18,6 @@ Pixels = NDArray[np.uint8]
 INK = (38, 42, 48)
 QUALITY = 60
 """Of still pictures in a page as WebP, 0 … 100: a fourth of the bytes of a PNG, without visible blocks."""
-NEEDS_PILLOW = f"pictures need Pillow: {install_line('video')}"
 
 
 @dataclass(frozen=True)
@@ -57,13 +56,13 @@ class Picture:
         return Path(path)
 
 
-def has_pillow() -> bool:
-    """Whether images can be labelled and written."""
+def without_pillow() -> Unavailable | None:
+    """Return why images cannot be labelled and written, if they cannot."""
     try:
         import PIL.ImageDraw  # noqa: F401
     except ImportError:
-        return False
-    return True
+        return Unavailable(f"pictures need Pillow: {install_line('video')}")
+    return None
 
 
 def labelled(pixels: Pixels, text: str) -> Pixels:
