@@ -1,6 +1,8 @@
 """Small courtesies: names in any case, notes on what is replaced or does not fit, comments that stay, verdicts before figures."""
 
+import os
 import shutil
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -41,6 +43,46 @@ def test_replaced_results_are_named(tmp_path: Path, capsys: pytest.CaptureFixtur
             (filled.path / "report.json").write_text(text)
         told = capsys.readouterr().err
         assert ("replaced the results of an earlier run" in told and "report.json" in told) == (text == "second")
+
+
+def test_results_are_the_earlier_ones_or_the_new_ones_wherever_a_run_was_killed(tmp_path: Path) -> None:
+    """The run is ended before its first, second, … change of the folder; then the next run begins, and fails."""
+    earlier = {"trajectory.npz": "earlier", "report.json": "earlier", "video.mp4": "earlier"}
+    new, seen = {"trajectory.npz": "new", "report.json": "new", "strip.png": "new"}, list[dict[str, str]]()
+    for left in range(40):
+        place = tmp_path / str(left)
+        place.mkdir()
+        for name, text in earlier.items():
+            (place / name).write_text(text)
+        if not (child := os.fork()):
+            with filling(place) as filled:
+                for name, text in new.items():
+                    (filled.path / name).write_text(text)
+                _end_before_change(left)
+            os._exit(0)
+        ended = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        with pytest.raises(rr.RobotRetargetError), filling(place):
+            raise rr.RobotRetargetError("refused")
+        seen.append({path.name: path.read_text() for path in place.iterdir()})
+        if ended == 0:
+            break
+    else:
+        raise AssertionError("the run never ended by itself")
+    assert len(seen) > 8 and all(found in (earlier, new) for found in seen) and seen[0] == earlier and seen[-1] == new
+
+
+def _end_before_change(left: int) -> None:
+    """End this process at once before one more change of files than `left`."""
+
+    def watch(event: str, args: tuple[object, ...]) -> None:
+        nonlocal left
+        writes = event == "open" and isinstance(args[2], int) and args[2] & (os.O_WRONLY | os.O_RDWR)
+        if writes or event in ("os.rename", "os.remove", "os.rmdir", "shutil.rmtree"):
+            left -= 1
+            if left < 0:
+                os._exit(9)
+
+    sys.addaudithook(watch)
 
 
 @pytest.mark.parametrize(("source", "noted"), [("wave.bvh", True), ("clap.bvh", False)])

@@ -143,12 +143,13 @@ def _replace(filled: Filled) -> bool:
 
 def _put(complete: Path, place: Path) -> None:
     """Move a complete folder's files to their place; whatever part of it is done already, the end is the same."""
-    names = (complete / WANTED).read_text(encoding="utf-8").split("\n")
-    for name in set(RESULTS) - set(names):
-        (place / name).unlink(missing_ok=True)
-    for name in names:
-        if (complete / name).exists():
-            (complete / name).replace(place / name)
+    if (complete / WANTED).exists():  # it goes last
+        names = (complete / WANTED).read_text(encoding="utf-8").split("\n")
+        for name in set(RESULTS) - set(names):
+            (place / name).unlink(missing_ok=True)
+        for name in names:
+            if (complete / name).exists():
+                (complete / name).replace(place / name)
     rmtree(complete)
 
 
