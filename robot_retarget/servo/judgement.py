@@ -256,5 +256,5 @@ def require_same_stands(pieces: Sequence[Piece], joints: Sequence[str]) -> None:
             joint = joints[int(apart.argmax())]
             raise ServoError(
                 f"{after.name} begins {apart.max():.2f} rad ({joint}) from the stand in which {before.name} ends: "
-                "`robot-retarget join` makes one trajectory of them"
+                "`robot-retarget edit join` makes one trajectory of them"
             )

@@ -152,10 +152,12 @@ def test_the_command_names_the_frames_that_fit(tmp_path: Path) -> None:
     for name, clip in (("a", SWING), ("b", lifted(NOD, np.where(np.arange(61) < 15, 0.1, 0.0)))):
         clip.save(tmp_path / f"{name}.npz")
     files = [str(tmp_path / f"{name}.npz") for name in "ab"]
-    done = CliRunner().invoke(app, ["join", *files, "-r", "op3", "-o", str(tmp_path / "c.npz"), "--balance", "off"])
+    done = CliRunner().invoke(
+        app, ["edit", "join", *files, "-r", "op3", "-o", str(tmp_path / "c.npz"), "--balance", "off"]
+    )
     assert isinstance(done.exception, TrajectoryError) and "--at" in str(done.exception)
     assert not (tmp_path / "c.npz").exists()
-    done = CliRunner().invoke(app, ["splice", "--legs", files[0], "--arms", files[0], "-r", "op3", "--balance", "off",
+    done = CliRunner().invoke(app, ["edit", "splice", "--legs", files[0], "--arms", files[0], "-r", "op3", "--balance", "off",
                                     "-o", str(tmp_path / "c.npz")])  # fmt: skip
     assert done.exit_code == 0, done.output
     off = rr.load_trajectory(tmp_path / "c.npz", OP3).qpos[:, 7:] - SWING.qpos[:, 7:]

@@ -76,7 +76,7 @@ def test_a_session_gives_the_bytes_of_the_command_line(solved: tuple[RobotGraph,
     edits, mended_file = session.save()
     solved[1].save(tmp_path / "wave.npz")
     given = "--motion", WAVE, "--edges", edits
-    command("mend", tmp_path / "wave.npz", *CLIP, *given, "-o", tmp_path / "again.npz")
+    command("edit", "mend", tmp_path / "wave.npz", *CLIP, *given, "-o", tmp_path / "again.npz")
     np.testing.assert_array_equal(load_trajectory(tmp_path / "again.npz").qpos, load_trajectory(mended_file).qpos)
     assert (tmp_path / "again.npz").read_bytes() == mended_file.read_bytes()
 

@@ -90,7 +90,7 @@ def test_only_a_near_name_is_suggested() -> None:
 
 def test_every_output_is_spelt_alike() -> None:
     group = typer.main.get_command(app)
-    commands = {**group.commands, **group.commands["servos"].commands}  # type: ignore[attr-defined]
+    commands = {**group.commands, **group.commands["servos"].commands, **group.commands["edit"].commands}  # type: ignore[attr-defined]
     spelt = {}
     for name, command in commands.items():
         for option in command.params:

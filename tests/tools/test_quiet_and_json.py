@@ -42,7 +42,7 @@ def test_quiet_leaves_errors() -> None:
 @pytest.mark.parametrize(
     ("words", "key"),
     [
-        (("cut", "IN", "-r", "op3", "--trim", "0:1", "-o", "OUT.npz"), "duration_s"),
+        (("edit", "cut", "IN", "-r", "op3", "--trim", "0:1", "-o", "OUT.npz"), "duration_s"),
         (("export", "IN", "-r", "op3", "-f", "csv", "-o", "OUT.csv"), "format"),
         (("convert", "IN", "-r", "op3", "--to", "csv", "-o", "OUT.csv"), "frames"),
         (("view", "IN", "-r", "op3", "--static", "OUT.html"), "files"),

@@ -88,7 +88,7 @@ def test_a_touch_up_by_mouse_gives_the_file_of_the_command_line(opened: Tab, fol
     opened.run("document.getElementById('keep').click()")
     opened.until("return document.querySelector('#touch output').textContent.startsWith('wrote')")
     given = "--motion", WAVE, "--edges", folder / "EDITS.toml"
-    command("mend", folder / "wave.npz", *SPAN, *given, "-o", folder / "again.npz")
+    command("edit", "mend", folder / "wave.npz", *SPAN, *given, "-o", folder / "again.npz")
     assert (folder / "again.npz").read_bytes() == (folder / "EDITS.npz").read_bytes()
     moved = load_trajectory(folder / "EDITS.npz").qpos - load_trajectory(folder / "wave.npz").qpos
     assert np.abs(moved).max() > 0.1

@@ -89,7 +89,10 @@ class BatchOptions(FollowOptions, FreezeOptions, LimitOptions, RateOptions, MapO
     epilog="Example: robot-retarget batch mocap --robot op3 --out set; robot-retarget batch merge set_1 set_2 --out set",
 )
 def batch(how: BatchOptions, printing: PrintOptions) -> None:
-    """Retarget and score every motion below some folders; a manifest lets a stopped run continue."""
+    """Retarget and score every motion below some folders.
+
+    A manifest lets a stopped run continue.
+    """
     from robot_retarget.tools.batch.filters import SHIPPED, read_filters
 
     if how.folders[0] == Path(MERGE) and not how.folders[0].exists():

@@ -15,7 +15,7 @@ from typing import Annotated, Any, TypeVar, dataclass_transform, get_type_hints
 import typer
 from typer.core import TyperGroup
 
-from robot_retarget.base.errors import RobotRetargetError
+from robot_retarget.base.errors import RobotRetargetError, UsageError
 from robot_retarget.tools.cli import console
 
 TYPER = "typer"
@@ -103,6 +103,13 @@ NOTHING = "no file was written"
 
 class Interruptible(TyperGroup):
     """Commands that end on Ctrl-C with a message about the files that are kept, from the exception."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Find a command; one of a group that is named without its group gets the whole name."""
+        within = [name for name, own in self.commands.items() if args[0] in getattr(own, "commands", ())]
+        if args[0] not in self.commands and within:
+            raise UsageError(f"{args[0]} is a command of {within[0]}: robot-retarget {within[0]} {' '.join(args)}")
+        return super().resolve_command(ctx, args)
 
     def make_context(self, *words: Any, **options: Any) -> Any:
         with _stopped():

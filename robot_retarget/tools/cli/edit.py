@@ -1,4 +1,4 @@
-"""`join`, `loop`, `splice`, `retime`, `stops`, `mirror`, `cut`: new trajectories from trajectories."""
+"""The group `edit`: new trajectories from trajectories."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from robot_retarget.base.errors import UsageError
-from robot_retarget.tools.cli.command import argument, command, option, options
+from robot_retarget.tools.cli.command import app, argument, command, option, options
 from robot_retarget.tools.cli.console import progress
 from robot_retarget.tools.cli.options import (
     BalancedOptions,
@@ -30,6 +30,11 @@ if TYPE_CHECKING:
     from robot_retarget.judge.report import Report
     from robot_retarget.solver.pipeline import Result
     from robot_retarget.trajectory import Trajectory
+
+edit: typer.Typer = typer.Typer(
+    no_args_is_help=True, rich_markup_mode=None, help="Join, loop, splice, retime, mirror, cut, mend trajectories."
+)
+app.add_typer(edit, name="edit")
 
 
 @options
@@ -71,7 +76,7 @@ class MotionOptions:
     trajectory: Path = argument("A motion of the robot, in any format that import reads.")
 
 
-@command(epilog="Example: robot-retarget join walk.npz wave.npz --robot op3 -o both.npz")
+@command(group=edit, epilog="Example: robot-retarget edit join walk.npz wave.npz --robot op3 -o both.npz")
 def join(
     trajectories: Annotated[list[Path], typer.Argument(help="Motions of the robot, in any format that import reads.")],
     to: SequenceOptions,
@@ -84,11 +89,16 @@ def join(
         ),
     ] = None,
 ) -> None:
-    """Solve trajectories in a row; each begins where the one before ends. Exit code 2 where two do not fit together."""
+    """Solve trajectories in a row as one.
+
+    Each begins where the one before ends. Exit code 2 where two do not fit together.
+    """
     to.make(trajectories, printing, at=[_span("--at", text) for text in at or ()], **vars(seam))
 
 
-@command(epilog="Example: robot-retarget loop walk.npz --robot op3 --times 3 --at 7.5:3 --best -o walks.npz")
+@command(
+    group=edit, epilog="Example: robot-retarget edit loop walk.npz --robot op3 --times 3 --at 7.5:3 --best -o walks.npz"
+)
 def loop(
     motion: MotionOptions,
     to: SequenceOptions,
@@ -99,12 +109,15 @@ def loop(
         str | None, typer.Option(help="LEAVE:ENTER [s] of the repeated part; by default the end and the beginning.")
     ] = None,
 ) -> None:
-    """Repeat a trajectory, or a part of it; each repetition begins where the one before ends."""
+    """Repeat a trajectory, or a part of it.
+
+    Each repetition begins where the one before ends.
+    """
     spans = [_span("--at", at)] * (times - 1) if at else []
     to.make([motion.trajectory] * times, printing, at=spans, **vars(seam))
 
 
-@command(epilog="Example: robot-retarget retime walk.npz --robot op3 --speed 0.8 -o slow.npz")
+@command(group=edit, epilog="Example: robot-retarget edit retime walk.npz --robot op3 --speed 0.8 -o slow.npz")
 def retime(
     motion: MotionOptions,
     to: SequenceOptions,
@@ -115,7 +128,9 @@ def retime(
     to.make([motion.trajectory], printing, speed=speed)
 
 
-@command(epilog="Example: robot-retarget splice --legs squat.npz --arms wave.npz --robot op3 -o both.npz")
+@command(
+    group=edit, epilog="Example: robot-retarget edit splice --legs squat.npz --arms wave.npz --robot op3 -o both.npz"
+)
 def splice(
     legs: Annotated[Path, typer.Option(help="The motion of legs, trunk and head, in any format that import reads.")],
     arms: Annotated[Path, typer.Option(help="The motion of the arms.")],
@@ -128,7 +143,7 @@ def splice(
     to.make([legs, arms], printing, lambda clips, **how: spliced(clips[0], clips[1], **how))
 
 
-@command(epilog="Example: robot-retarget stops out/trajectory.npz --robot op3 --every 0.5")
+@command(group=edit, epilog="Example: robot-retarget edit stops out/trajectory.npz --robot op3 --every 0.5")
 def stops(
     source: TrajectoryOptions,
     robot: RobotOptions,
@@ -137,9 +152,9 @@ def stops(
     every: Annotated[float, typer.Option(min=0.1, help="Time between two moments [s].")] = 1.0,
     draws: Annotated[int, typer.Option(min=0, help="Drawn simulations of each way, as in simulate.")] = 10,
 ) -> None:
-    """Solve and judge ways into a stand from moments of a balanced trajectory; `play` takes them on Ctrl-C.
+    """Solve and judge ways into a stand; `play` takes them on Ctrl-C.
 
-    They replace the folder stops/ next to the trajectory. Exit code 1 if none passes.
+    They begin at moments of a balanced trajectory, and replace the folder stops/ next to it. Exit code 1 if none passes.
     """
     from robot_retarget.base.files import replacing_folder
     from robot_retarget.edit.cuts import ways_into_stand
@@ -173,7 +188,7 @@ def _saved(outcome: "Report | BalanceError", time: float, folder: Path) -> dict[
     return {"verdict": outcome.verdict, "reasons": list(outcome.reasons), "standing_after_s": standing}
 
 
-@command(epilog="Example: robot-retarget mirror wave.npz --robot op3 -o left.npz")
+@command(group=edit, epilog="Example: robot-retarget edit mirror wave.npz --robot op3 -o left.npz")
 def mirror(source: TrajectoryOptions, robot: RobotOptions, to: OutputOptions, printing: PrintOptions) -> None:
     """Exchange left and right. The result is not simulated."""
     from robot_retarget.edit.cuts import mirrored
@@ -183,7 +198,7 @@ def mirror(source: TrajectoryOptions, robot: RobotOptions, to: OutputOptions, pr
     _write(mirrored(load_trajectory(source.trajectory, model), model), to.output, printing)
 
 
-@command(epilog="Example: robot-retarget cut walk.npz --robot op3 --trim 1:3.5 -o part.npz")
+@command(group=edit, epilog="Example: robot-retarget edit cut walk.npz --robot op3 --trim 1:3.5 -o part.npz")
 def cut(
     source: TrajectoryOptions,
     robot: RobotOptions,
@@ -220,9 +235,6 @@ def _span(option: str, text: str, *ends: float) -> tuple[float, float]:
     return first, second
 
 
-# `mend`: touch-ups of a trajectory, as the viewer makes them, from a file.
-
-
 @options
 class MendOptions(ForceOptions, MapOptions, ReadOptions, OutputOptions, TrajectoryOptions):
     """A trajectory, the clip it came from, and its edits."""
@@ -231,7 +243,10 @@ class MendOptions(ForceOptions, MapOptions, ReadOptions, OutputOptions, Trajecto
     edges: Path = option("EDITS.toml, as the viewer saves it; made in the order they stand.")
 
 
-@command(epilog="Example: robot-retarget mend dance.npz -r op3 --motion dance.bvh --edges EDITS.toml -o mended.npz")
+@command(
+    group=edit,
+    epilog="Example: robot-retarget edit mend dance.npz -r op3 --motion dance.bvh --edges EDITS.toml -o mended.npz",
+)
 def mend(edited: MendOptions, robot: RobotOptions, frozen: FreezeOptions, printing: PrintOptions) -> None:
     """Solve the frames around each edit again, as `view` does. Exit code 1 if a hard edge of the file is not met."""
     from robot_retarget.base.files import require_writable

@@ -120,7 +120,10 @@ def import_(
     made: ImportOptions,
     printing: PrintOptions,
 ) -> None:
-    """Read the motion of a robot that others made, for warn, simulate, view and play."""
+    """Read a robot's motion that another tool wrote.
+
+    warn, simulate, view and play take the result.
+    """
     from robot_retarget.formats import import_motion
 
     options = options_of(made.joints, made.fps, made.servos, made.source_fps, made.quaternion, made.scene)

@@ -34,7 +34,10 @@ class InfoOptions:
 
 @command(epilog="Example: robot-retarget info dance.bvh")
 def info(subject: InfoOptions, reading: ReadOptions, limits: LimitOptions, printing: PrintOptions) -> None:
-    """Describe a motion or a robot, its recognised keypoints, and the bodies of a scene with the parts that touch them."""
+    """Describe a motion or a robot, and its recognised keypoints.
+
+    With a scene: its bodies too, and the parts that touch them.
+    """
     from robot_retarget.scene import read_scene
     from robot_retarget.tools.summary import describe_motion, describe_robot, describe_scene, describe_terrain
 
@@ -57,7 +60,10 @@ def info(subject: InfoOptions, reading: ReadOptions, limits: LimitOptions, print
 
 @command(epilog="Example: robot-retarget doctor --json")
 def doctor(printing: PrintOptions) -> None:
-    """Examine Python, MuJoCo, rendering, compiler, ffmpeg, extras and serial ports. Exit code 1 if a needed part is missing."""
+    """Examine the machine, with a cure for each missing part.
+
+    Python, MuJoCo, rendering, compiler, ffmpeg, extras, serial ports. Exit code 1 if a needed part is missing.
+    """
     from dataclasses import asdict
 
     findings = examine()

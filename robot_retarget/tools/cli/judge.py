@@ -48,7 +48,10 @@ class SimulateOptions(JudgeOptions, ServoOptions, TrajectoryOptions):
 
 @command(epilog="Example: robot-retarget simulate dance.npz --robot op3 --mode free")
 def simulate(how: SimulateOptions, robot: RobotOptions, printing: PrintOptions) -> None:
-    """Play a trajectory on simulated servos and pass a verdict; the goals that were judged are kept for `play`."""
+    """Play a trajectory on simulated servos and pass a verdict.
+
+    The goals that were judged are kept for `play`.
+    """
     from robot_retarget.base.files import require_suffix, require_writable
     from robot_retarget.base.untrusted.documents import NAMES
     from robot_retarget.collision.warn import warnings_of
@@ -104,7 +107,10 @@ class WarnedOptions(TrajectoryOptions):
 
 @command(epilog="Example: robot-retarget warn dance.npz --robot op3 --plot warnings.png")
 def warn(warned: WarnedOptions, robot: RobotOptions, printing: PrintOptions) -> None:
-    """Foresee collisions of a trajectory with itself and with the bodies around it, frame by frame, and say what came of each warning."""
+    """Predict collisions of a trajectory, frame by frame.
+
+    With itself and with the bodies around it; each warning is compared with what happened.
+    """
     from robot_retarget.base.files import require_suffix, require_writable
     from robot_retarget.collision.warn import WarnOptions, figures_of, warnings_of, write_csv
     from robot_retarget.tools.view.charts import require_drawable
@@ -156,7 +162,10 @@ class ScoreOptions(ColumnOptions, KnownOptions, MapOptions, ReadOptions):
 
 @command(epilog="Example: robot-retarget score dance.npz --robot op3 --motion dance.bvh")
 def score(scored: ScoreOptions, robot: RobotOptions, printing: PrintOptions) -> None:
-    """Score any known file of robot motion: likeness to the human, contacts, feet, limits, smoothness, physics."""
+    """Score any known file of robot motion.
+
+    Likeness to the human, contacts, feet, limits, smoothness, physics.
+    """
     from robot_retarget.base.files import require_writable, write_text
     from robot_retarget.formats import import_motion
     from robot_retarget.scores.score import score as measure

@@ -366,7 +366,10 @@ def run(
     how: FolderOptions,
     printing: PrintOptions,
 ) -> None:
-    """Retarget, warn, simulate, report: trajectory.npz, report.json, report.html, viewer.html, warnings.csv, strip.png."""
+    """Retarget a motion, warn, simulate and report.
+
+    Writes trajectory.npz, report.json, report.html, viewer.html, warnings.csv and strip.png.
+    """
     verdict = fill_folder(clip.load(), robot.load(servos.servos), goals, how, printing)
     raise typer.Exit(0 if verdict == "pass" else 1)
 
@@ -383,7 +386,10 @@ class DemoOptions(FolderOptions):
 
 @command(epilog="Example: robot-retarget demo --out demo")
 def demo(how: DemoOptions, printing: PrintOptions) -> None:
-    """Carry a shipped clip over to the OP3-class robot, simulate it, show it, and play it on emulated servos."""
+    """Run a shipped clip on a shipped robot, and emulated servos.
+
+    Solved, simulated, shown and played.
+    """
     motion = ReadOptions().read(shipped_clip(how.clip))
     verdict = fill_folder(motion, load(how.robot), GraphOptions(), how, printing, play=True)
     if verdict != "pass" and not printing.json:

@@ -83,7 +83,10 @@ class EmulateOptions(MapNameOptions):
 
 @command(group=servos, epilog="Example: robot-retarget servos emulate --map op3 --physics --link /tmp/ttyDXL")
 def emulate(how: EmulateOptions) -> None:
-    """Run an emulated bus on a pseudo terminal; prints `ready PATH`, stops on SIGTERM."""
+    """Run an emulated bus on a pseudo terminal.
+
+    It prints `ready PATH` and stops on SIGTERM.
+    """
     from robot_retarget.actuators.map import load_map
     from robot_retarget.servo.emulator import emulator, scene_of
 
@@ -158,7 +161,10 @@ def calibrate(
     printing: PrintOptions,
     joint: Annotated[list[str] | None, typer.Option(help="Only these joints.")] = None,
 ) -> None:
-    """Record where the servos are now as the zero pose: bring the robot there by hand first, torque off."""
+    """Record where the servos are now as the zero pose.
+
+    Bring the robot there by hand first, torque off.
+    """
     from robot_retarget.actuators.map import with_zeros
     from robot_retarget.base.files import write_text
     from robot_retarget.servo.bus import Bus
@@ -189,7 +195,10 @@ class IdentifyOptions(MapOutputOptions, BusOptions):
     epilog="Example: robot-retarget servos identify --map bench.toml --joint j1 --mass 0.3 --length 0.1 --port /dev/ttyUSB0 -o new.toml",
 )
 def identify(how: IdentifyOptions, printing: PrintOptions) -> None:
-    """Find a servo's friction, armature, damping and gain: move it with a known pendulum for 24 s, and fit."""
+    """Find a servo's friction, armature, damping and gain.
+
+    It moves with a known pendulum for 24 s; the model is fitted.
+    """
     from robot_retarget.actuators.map import dump_map
     from robot_retarget.actuators.motors import Pendulum
     from robot_retarget.base.files import require_writable, write_text

@@ -139,7 +139,10 @@ def graph(
     printing: PrintOptions,
     solve: Annotated[bool, typer.Option(help="Solve it too: stress per kind, and the edges that lost most.")] = False,
 ) -> None:
-    """Show the edges of a motion on a robot: kinds, counts, intervals, priorities, stress."""
+    """Show the edges of a motion on a robot.
+
+    Kinds, counts, intervals, priorities, stress.
+    """
     from robot_retarget.solver.pipeline import solve as solved
     from robot_retarget.tools.summary import describe_graph, describe_stress
 

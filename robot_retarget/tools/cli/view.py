@@ -60,7 +60,10 @@ class ServeOptions:
 
 @command(epilog="Example: robot-retarget view dance.npz --robot op3 --motion dance.bvh")
 def view(viewed: ViewOptions, drawn: DrawOptions, served: ServeOptions, printing: PrintOptions) -> None:
-    """Look at trajectories: robot, human, contacts, balance, near pairs, limits, curves."""
+    """Look at trajectories in a browser, a page, a film or a GIF.
+
+    Robot, human, contacts, balance, near pairs, limits, curves.
+    """
     from functools import partial
 
     from robot_retarget.base.files import require_writable
