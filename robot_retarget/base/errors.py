@@ -7,16 +7,25 @@ without a traceback and exits with code 2.
 import re
 import shlex
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
+
+
+def printable(text: str, instead: Callable[[int], str] = lambda code: " ") -> str:
+    """Return a text without control characters, which a terminal obeys; line ends stay.
+
+    Args:
+        instead: what stands for a character, by its code.
+    """
+    return "".join(c if c.isprintable() or c == "\n" else instead(ord(c)) for c in text)
 
 
 class RobotRetargetError(Exception):
     """Root of every error raised on purpose. Its message may quote a file: control characters become spaces."""
 
     def __init__(self, message: str = "", *more: object):
-        super().__init__("".join(c if c.isprintable() else " " for c in str(message)), *more)
+        super().__init__(printable(str(message)).replace("\n", " "), *more)
 
 
 class FileError(RobotRetargetError):

@@ -60,11 +60,14 @@ def write_text(path: str | Path, text: str) -> Path:
 
 
 def write_csv(path: str | Path, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> Path:
-    """Write a table with its heads whole, as `replacing` does, and return its path."""
+    """Write a table with its heads whole, as `replacing` does, and return its path.
+
+    A text that a spreadsheet would calculate (`=1+1`, `@SUM(1)`) stands behind an apostrophe.
+    """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(rows)
+    for row in (columns, *rows):
+        writer.writerow([f"'{c}" if isinstance(c, str) and c.startswith(("=", "+", "-", "@")) else c for c in row])
     return write_text(path, text.getvalue())
 
 

@@ -11,12 +11,13 @@ import typer
 from forked import run
 from made_trajectories import wander
 from shared_files import ROOT
+from typer.testing import CliRunner
 
 from robot_retarget.base.errors import UsageError, known
 from robot_retarget.base.mujoco_setup import unusable
 from robot_retarget.human.motion import span_of
 from robot_retarget.robot import load_robot
-from robot_retarget.tools.cli import app
+from robot_retarget.tools.cli import app, console
 from robot_retarget.tools.cli.info import examine, ports
 from robot_retarget.tools.cli.options import kind_of
 
@@ -139,3 +140,29 @@ def test_a_wrong_way_to_render_is_ignored_with_a_note() -> None:
     command = [sys.executable, "-m", "robot_retarget", "info", "op3", "--json"]
     done = subprocess.run(command, capture_output=True, text=True, env=os.environ | {"MUJOCO_GL": "rubbish"})
     assert done.returncode == 0 and "note: MUJOCO_GL=rubbish is ignored" in done.stderr
+
+
+EVIL = "\x1b]0;title\x07\x1b[31mred \x9b5m[bold]arm[/] =1+1"
+
+
+def test_names_in_files_of_others_give_the_terminal_no_commands(capsys: pytest.CaptureFixture[str]) -> None:
+    console.say(EVIL)
+    console.note(EVIL)
+    console.table(EVIL, (EVIL, "value"), [(EVIL, 1.0)])
+    console.dump({EVIL: EVIL})
+    console.dump({EVIL: EVIL}, side=True)
+    console.err.print(EVIL)
+    said = "".join(capsys.readouterr())
+    assert said.count("[bold]arm[/]") == 10
+    assert all(c.isprintable() or c == "\n" for c in said)
+
+
+def test_every_command_is_said_in_one_line_of_help() -> None:
+    for group in ((), ("edit",), ("servos",)):
+        told = CliRunner().invoke(app, [*group, "--help"]).stdout.split("Commands:")[1]
+        assert "..." not in told, told
+
+
+def test_a_command_without_its_group_gets_the_whole_name() -> None:
+    done = run("join", "a.npz", "b.npz")
+    assert done.returncode == 2 and "robot-retarget edit join a.npz b.npz" in done.stderr

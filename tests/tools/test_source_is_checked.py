@@ -27,7 +27,16 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_another_clip_is_refused_with_both_names_and_the_way_out(command: str, made: Path) -> None:
     written = made.with_name("out.html" if command == "view" else "out.npz")
     ways = ["--static", written] if command == "view" else ["--edges", made.with_name("edits.toml"), "-o", written]
-    given = [*(["edit"] if command == "mend" else []), command, made, "-r", "op3", "--motion", SAMPLES / "wave.bvh", *ways]
+    given = [
+        *(["edit"] if command == "mend" else []),
+        command,
+        made,
+        "-r",
+        "op3",
+        "--motion",
+        SAMPLES / "wave.bvh",
+        *ways,
+    ]
     done = run(*given)
     assert done.returncode == 2 and not written.exists()
     assert "comes from walk.bvh, not from wave.bvh" in done.stderr and "--force" in done.stderr

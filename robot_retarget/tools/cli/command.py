@@ -132,7 +132,7 @@ def _stopped() -> Iterator[None]:
             raise
         exec("")  # Python keeps a Ctrl-C inside `exec` as unhandled until the next `exec`, and exits because of it
         kept = str(stopped) if isinstance(stopped, KeyboardInterrupt) else ""
-        console.err.print(f"stopped: {kept or NOTHING}", markup=False, style="yellow")
+        console.err.print(f"stopped: {kept or NOTHING}", style="yellow")
         raise typer.Exit(INTERRUPTED) from stopped
     except BrokenPipeError as closed:
         _discard_output()
@@ -192,7 +192,7 @@ def _named(error: Exception) -> str:
 
 
 def _say(text: str) -> None:
-    console.err.print(f"error: {console.in_options(text)}", markup=False, style="red")
+    console.err.print(f"error: {console.in_options(text)}", style="red")
 
 
 app: typer.Typer = typer.Typer(

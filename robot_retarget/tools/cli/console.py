@@ -3,7 +3,7 @@
 import json
 import re
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from math import degrees
 from time import monotonic
@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.progress import BarColumn, ProgressColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bars
+from rich.segment import Segment
 from rich.table import Table
 
+from robot_retarget.base.errors import printable
 from robot_retarget.base.progress import Progress
 
 if TYPE_CHECKING:
@@ -22,6 +24,16 @@ if TYPE_CHECKING:
 
 
 class _Console(Console):
+    """Prints text as it is: names in files of others are neither markup nor control sequences of the terminal."""
+
+    def __init__(self, **how: Any):
+        super().__init__(highlight=False, markup=False, **how)
+
+    def render(self, *what: Any, **how: Any) -> Iterable[Segment]:
+        """Yield the segments of something printable; those of other programs' text without control characters."""
+        for part in super().render(*what, **how):
+            yield part if part.control else Segment(printable(part.text), part.style)
+
     def on_broken_pipe(self) -> None:
         """Leave a reader that is gone to the end of the command, which has an exit code for it."""
         raise
@@ -29,11 +41,11 @@ class _Console(Console):
 
 # Piped output is wide, so that a row of a table stays one line.
 _WIDTH = None if sys.stdout.isatty() else 200
-out: Console = _Console(highlight=False, width=_WIDTH)
+out: Console = _Console(width=_WIDTH)
 _ARGUMENT = re.compile(r"\b(legs|balance|mode|format|fps) '([^']+)'")
-err: Console = _Console(stderr=True, highlight=False, soft_wrap=True)
+err: Console = _Console(stderr=True, soft_wrap=True)
 """Errors."""
-side: Console = _Console(stderr=True, highlight=False, soft_wrap=True)
+side: Console = _Console(stderr=True, soft_wrap=True)
 """Remarks and progress."""
 
 
@@ -56,23 +68,23 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> 
 
 def say(text: str) -> None:
     """Print a sentence."""
-    out.print(text, markup=False)
+    out.print(text)
 
 
 def begin(command: str) -> None:
     """Print the first words of a command, on a terminal: the libraries that it needs take a second to load."""
     if side.is_terminal:
-        side.print(f"{command} …", style="dim", markup=False)
+        side.print(f"{command} …", style="dim")
 
 
 def note(text: str) -> None:
     """Print a note to stderr, so that piped output stays clean."""
-    side.print(f"note: {in_options(text)}", markup=False, style="dim")
+    side.print(f"note: {in_options(text)}", style="dim")
 
 
 def to_stderr(text: str) -> None:
     """Print a sentence to stderr."""
-    side.print(text, markup=False)
+    side.print(text)
 
 
 def in_options(text: str) -> str:
@@ -171,7 +183,7 @@ def show_report(report: "Report") -> None:
     from robot_retarget.judge.report_text import facts, headline, judged_lines
 
     colour = {"pass": "green", "unlike": "yellow", "fail": "red"}[report.badge.level]
-    out.print(f"\nverdict: [bold {colour}]{report.badge.text}[/]")
+    out.print(f"\nverdict: [bold {colour}]{report.badge.text}[/]", markup=True)
     say(headline(report))
     for reason in (*report.reasons, *report.unlike):
         say(f"  {reason}")
@@ -279,7 +291,7 @@ def show_score(score: "Score") -> None:
 
 def dump(value: Any, side: bool = False) -> None:
     """Print a value as JSON; on stderr if stdout carries other data."""
-    print(as_json(value), file=sys.stderr if side else None)
+    print(printable(as_json(value), "\\u{:04x}".format), file=sys.stderr if side else None)
 
 
 def as_json(value: Any) -> str:
