@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.base.arrays import SMOOTHSTEP_PEAK, Floats, smoothstep
+from robot_retarget.base.arrays import SMOOTHSTEP_PEAK, Floats, path_to_root, smoothstep
 from robot_retarget.base.errors import UsageError
 from robot_retarget.base.progress import Count
 from robot_retarget.graph.added import SOFT, end_name
@@ -36,7 +36,9 @@ AROUND = 0.5
 FADING = 0.25
 """Time after that, in which the change fades out [s]."""
 MISSED = 1.0
-"""The report of a soft edge that misses its interval by more in every frame suggests a higher priority [cm]."""
+"""The report of an edge that misses its interval by more in every frame says why [cm]."""
+AT_LIMIT = 0.02
+"""A joint is at its limit when it is this near to it [rad]."""
 FIXED = 2
 """Frames at the beginning of a window that stay: they keep position and velocity continuous."""
 
@@ -98,7 +100,7 @@ def apply_edit(graph: RobotGraph, trajectory: Trajectory, edit: Edit) -> EditRes
     solved = replace(edited_graph.at(window), tracks=tuple(track.at(window) for track in tracks))
     measured = measured_by(solver.problem, solved, qpos[window])
     unmet = unmet_edges(solver, solved, measured, qpos[window])
-    reached = _reached(solved, edit, measured, slice(first - start, last + 1 - start))
+    reached = _reached(solved, edit, measured, slice(first - start, last + 1 - start), qpos[first : last + 1])
     return EditResult(edited_graph, done, start, stop - 1, time.perf_counter() - began, reached, unmet)
 
 
@@ -126,8 +128,12 @@ def _shares(frames: np.ndarray, first: int, last: int, around: int) -> Floats:
     return smoothstep(np.clip(1 - away / around, 0.0, 1.0))
 
 
-def _reached(graph: RobotGraph, edit: Edit, measured: Mapping[str, Floats], frames: slice) -> str:
-    """The requested interval of an edge and its measured range at its frames."""
+def _reached(graph: RobotGraph, edit: Edit, measured: Mapping[str, Floats], frames: slice, qpos: Floats) -> str:
+    """The measured range of an edge at its frames, what was asked for, and why it is missed.
+
+    Args:
+        qpos: (F, nq) of the robot at these frames.
+    """
     if edit.action != "edge":
         return ""
     a, b = (end_name(end_of(edit.values[end])) for end in "ab")
@@ -135,11 +141,39 @@ def _reached(graph: RobotGraph, edit: Edit, measured: Mapping[str, Floats], fram
     column = int(np.flatnonzero(track.joins(a, b))[-1])
     values = 100 * measured[track.name][frames, column]
     bounds = 100 * np.atleast_1d(np.asarray(edit.values["at"], float))
-    interval = " to ".join(f"{bound:.3g}" for bound in bounds)
-    missed = np.abs(values - np.clip(values, bounds[0], bounds[-1])).min()
-    weak = missed > MISSED and not edit.values.get("hard")
-    firmer = f"; hard = true, or a priority over {SOFT:g}, brings them nearer" if weak else ""
-    return f"{a} and {b} are {values.min():.1f} to {values.max():.1f} cm apart, requested {interval} cm{firmer}"
+    missed = np.abs(values - np.clip(values, bounds[0], bounds[-1]))
+    cause = _cause(graph, edit, qpos[int(missed.argmin())]) if missed.min() > MISSED else ""
+    return f"{a} and {b} are {values.min():.1f} to {values.max():.1f} cm apart; asked for: {_asked(bounds)}{cause}"
+
+
+def _asked(bounds: Floats) -> str:
+    """An interval [cm] in the words of the viewer's form."""
+    lower, upper = bounds[0], bounds[-1]
+    if upper == 0:
+        return "touch"
+    if lower == upper:
+        return f"exactly {lower:.3g} cm"
+    least = [f"at least {lower:.3g} cm"] if lower > 0 else []
+    return " and ".join([*least, *([f"at most {upper:.3g} cm"] if np.isfinite(upper) else [])])
+
+
+def _cause(graph: RobotGraph, edit: Edit, qpos: Floats) -> str:
+    """Why an edge is missed where it is missed least: joints at their limits, or edges that are stronger."""
+    robot = graph.robot
+    known, ends = graph.match.anatomy.sites, map(edit.values.get, "ab")
+    sites = [known[end] for end in ends if isinstance(end, str) and end in known]
+    moving = {body for site in sites for body in path_to_root(robot.model.body_parentid, site.body)}
+    angles, owners = qpos[robot.qpos_index], robot.model.jnt_bodyid[robot.joint_ids]
+    at_limit = np.minimum(angles - robot.lower, robot.upper - angles) < AT_LIMIT
+    stuck = [
+        name for name, body, held in zip(robot.joint_names, owners, at_limit, strict=True) if held and body in moving
+    ]
+    if stuck:
+        return f"; at a limit: {', '.join(stuck)}"
+    strong = edit.values.get("hard") or edit.values.get("priority", SOFT) > SOFT
+    return (
+        "; floor, separation and speeds allow no more" if strong else "; hold (hard = true) puts it before other edges"
+    )
 
 
 def _faded(graph: RobotGraph, known: Sequence[Floats], poses: Sequence[Floats], frames: int) -> Floats:
@@ -210,17 +244,20 @@ class Session:
         """The edits in effect, in order."""
         return self._edits[: self._at]
 
-    def make(self, table: Mapping[str, Any]) -> None:
+    def make(self, table: Mapping[str, Any], instead: bool = False) -> None:
         """Add an edge, given by the keys of its table in EDITS.toml; undone edits are discarded.
+
+        Args:
+            instead: it replaces the latest edit.
 
         Raises:
             GraphError: the graph refuses it.
         """
-        edit = Edit("edge", dict(table))
-        self.last = apply_edit(*self._states[self._at], edit)
-        self._states[self._at + 1 :] = [(self.last.graph, self.last.trajectory)]
-        self._edits[self._at :] = [edit]
-        self._at += 1
+        edit, at = Edit("edge", dict(table)), max(self._at - instead, 0)
+        self.last = apply_edit(*self._states[at], edit)
+        self._states[at + 1 :] = [(self.last.graph, self.last.trajectory)]
+        self._edits[at:] = [edit]
+        self._at = at + 1
 
     def undo(self) -> None:
         """Undo the latest edit.

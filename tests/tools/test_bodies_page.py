@@ -9,7 +9,8 @@ from browser import needs_browser, tab
 from robot_retarget.robot import load_robot
 from robot_retarget.scene.scene import RigidBody, Scene
 from robot_retarget.scene.shape import ShapeKind, solid
-from robot_retarget.tools.view.web.serve import LiveRobot, serve
+from robot_retarget.tools.view.web.live import LiveRobot
+from robot_retarget.tools.view.web.serve import serve
 from robot_retarget.tools.view.web.take import Viewer, take_of
 from robot_retarget.trajectory import Trajectory
 

@@ -7,7 +7,8 @@ import numpy as np
 from browser import needs_browser, tab
 
 from robot_retarget.robot import load_robot
-from robot_retarget.tools.view.web.serve import LiveRobot, serve
+from robot_retarget.tools.view.web.live import LiveRobot
+from robot_retarget.tools.view.web.serve import serve
 
 
 def test_only_the_latest_pose_is_sent() -> None:

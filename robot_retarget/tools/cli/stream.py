@@ -1,6 +1,6 @@
 """`stream`: a robot follows a performer now, and a sender to try that with."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -142,11 +142,12 @@ class StreamRun:
 
         return Loop(self.source, stream_of, sink, console.to_stderr)
 
-    def run(self, sink: "Sink") -> dict[str, Any]:
-        """Run in this thread until Ctrl-C and return the figures."""
+    def run(self, sink: "Sink", begun: "Callable[[Loop], None]" = lambda loop: None) -> dict[str, Any]:
+        """Run in this thread until Ctrl-C and return the figures; `begun` gets the loop first."""
         from robot_retarget.servo.host import handling
 
         loop = self.loop(sink)
+        begun(loop)
         with handling(lambda number: loop.stop.set()):
             tally = loop.run(self.seconds)
         self.save_calibration(loop)
@@ -201,17 +202,43 @@ def _to_stdout(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str, 
 def _to_page(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str, Any], int]:
     from threading import Thread
 
-    from robot_retarget.tools.view.web.serve import PageSink
+    from robot_retarget.tools.view.web.live import PageSink
 
-    sink = PageSink(poses.robot, place.page, poses.scene)
+    sink = PageSink(poses.robot, place.page, poses.scene, _heard_at(poses.source))
     console.to_stderr(f"{sink.served.address} shows it; from elsewhere first: {sink.served.tunnel_command()}")
     thread = Thread(target=sink.served.forever, daemon=True)
     thread.start()
     try:
-        return poses.run(sink), 0
+        return poses.run(sink, sink.follow), 0
     finally:
         sink.served.server.shutdown()
         thread.join()
+
+
+def _heard_at(source: "FrameSource") -> str:
+    """Return where frames come from, or the address that a performer sends them to."""
+    from robot_retarget.live.ports import TcpPort, UdpPort
+    from robot_retarget.live.receiver import Receiver
+
+    port = source.port if isinstance(source, Receiver) else None
+    if not isinstance(port, UdpPort | TcpPort):
+        return "standard input" if port else "a headset" if source.skeleton is None else "a file"
+    host, number = port.address
+    return f"{'UDP' if isinstance(port, UdpPort) else 'TCP'} {_reachable(host)}:{number}"
+
+
+def _reachable(host: str) -> str:
+    """Return the address of this machine in its network, in place of one that stands for all of its addresses."""
+    import socket
+
+    if host not in ("0.0.0.0", "::"):
+        return host
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))  # nothing is sent; the system chooses the way out
+            return str(probe.getsockname()[0])
+        except OSError:
+            return host
 
 
 def _to_physics(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str, Any], int]:

@@ -1,41 +1,46 @@
 """The page over HTTP, for a browser on this machine or at the other end of an ssh tunnel; with an editor, for touch-ups."""
 
 import json
+import secrets
 import socket
+import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from threading import Condition, Lock
+from threading import BoundedSemaphore, Lock
 from typing import Any, Protocol
-from urllib.parse import urlsplit
+from urllib.parse import parse_qs, urlsplit
 
-import numpy as np
-
-from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import RobotRetargetError, UsageError
 from robot_retarget.collision.warn import warnings_of
-from robot_retarget.human.surroundings import first_frame
 from robot_retarget.judge.report import Report
-from robot_retarget.live.loop import LivePose
-from robot_retarget.robot.model import Robot
-from robot_retarget.scene.scene import Scene
-from robot_retarget.tools.view.web.shapes import shapes_of, shapes_of_scene
-from robot_retarget.tools.view.web.show import SCALAR_LAST, poses, seen
-from robot_retarget.tools.view.web.take import Take, Viewer
+from robot_retarget.tools.view.web.take import Viewer
 from robot_retarget.trajectory import Trajectory
 
 HOST = "127.0.0.1"
 """Only this machine is served; other machines connect through ssh."""
 PORT = 8410
-WAIT = 1.0
-"""Interval of keep-alive messages to a page without new poses [s]."""
 LONGEST = 10_000
 """Longest message from a page [bytes]."""
+SILENCE = 10.0
+"""Longest time in which a page sends a request, or takes an answer [s]."""
+MOST = 32
+"""Number of connections at once; more are closed."""
+STATE = 0.5
+"""Interval of the state of a stream [s]."""
 OWN = {"localhost", "127.0.0.1", "::1"}
 """Names of this machine. Requests under another host name are refused, which stops DNS rebinding."""
+HEADERS = {
+    "X-Frame-Options": "DENY",
+    "Content-Security-Policy": "frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-store",
+}
+"""Of every answer: no page shows this one in a frame, no cache and no link keeps its address."""
 
 
 class Editor(Protocol):
@@ -51,8 +56,8 @@ class Editor(Protocol):
         """As it was before the latest edit."""
         ...
 
-    def make(self, table: Mapping[str, Any]) -> None:
-        """Make an edit."""
+    def make(self, table: Mapping[str, Any], instead: bool = False) -> None:
+        """Make an edit, in place of the latest one if told so."""
         ...
 
     def undo(self) -> None:
@@ -77,11 +82,13 @@ class Served:
     """A page at an address."""
 
     server: ThreadingHTTPServer
+    token: str
+    """A secret of its address, without which nothing is answered."""
 
     @property
     def address(self) -> str:
         """URL of the page."""
-        return f"http://localhost:{self.server.server_port}/"
+        return f"http://localhost:{self.server.server_port}/?token={self.token}"
 
     def forever(self) -> None:
         """Serve until the process is interrupted."""
@@ -97,8 +104,36 @@ class Served:
         return f"ssh -L {self.server.server_port}:localhost:{self.server.server_port} {socket.gethostname()}"
 
 
+class _Server(ThreadingHTTPServer):
+    """A server with few threads."""
+
+    def __init__(self, address: tuple[str, int], handler: type[BaseHTTPRequestHandler]):
+        self._free = BoundedSemaphore(MOST)
+        super().__init__(address, handler)
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        if self._free.acquire(blocking=False):
+            super().process_request(request, client_address)
+        else:
+            self.shutdown_request(request)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._free.release()
+
+
 class Following(Protocol):
     """Source of the latest pose."""
+
+    def state(self) -> dict[str, Any]:
+        """Return what a page says of the stream."""
+        ...
+
+    def record(self) -> dict[str, Any]:
+        """Begin a take, or end and write it; return which, for the page."""
+        ...
 
     def next(self, seen: int, timeout: float) -> tuple[int, bytes] | None:
         """Return the number of the latest pose and the pose, once the number differs from `seen`; None after `timeout` [s]."""
@@ -134,7 +169,8 @@ class EditServer:
             files = [str(path) for path in editor.save()]
             return HTTPStatus.OK, "application/json", json.dumps({"files": files}).encode()
         if what == "edit":
-            editor.make(_bounded(json.loads(content)))
+            table = _bounded(json.loads(content))
+            editor.make(table, bool(table.pop("instead", False)))
         elif what in ("undo", "redo"):
             getattr(editor, what)()
         first, *others = self._viewer.takes
@@ -171,7 +207,16 @@ def _bounded(table: Any) -> dict[str, Any]:
     return {**table, "at": [float(bound) for bound in at] if isinstance(at, list) else at}
 
 
-ACTS = ("edit", "undo", "redo", "save", "check", "judge")
+def _recorded(following: Following | None) -> tuple[HTTPStatus, str, bytes]:
+    try:
+        if following is None:
+            raise UsageError("only a live page records")
+        return HTTPStatus.OK, "application/json", json.dumps(following.record()).encode()
+    except RobotRetargetError as error:
+        return _refused(HTTPStatus.BAD_REQUEST, str(error))
+
+
+ACTS = ("edit", "undo", "redo", "save", "check", "judge", "record")
 
 
 def serve(
@@ -194,38 +239,55 @@ def serve(
     """
     edit_server = EditServer(viewer, editor, following is not None, judge)
 
+    token = secrets.token_urlsafe(16)
+
     class Handler(BaseHTTPRequestHandler):
+        timeout = SILENCE
+
         def parse_request(self) -> bool:
             if not super().parse_request():
                 return False
-            origin = self.headers.get("Origin")
-            if _host_of(f"//{self.headers.get('Host', '')}") in OWN and (origin is None or _host_of(origin) in OWN):
+            host, origin = self.headers.get("Host", ""), self.headers.get("Origin")
+            self._what, _, query = self.path.partition("?")
+            given = parse_qs(query).get("token", [""])[0]
+            if _host_of(f"//{host}") not in OWN or origin not in (None, f"http://{host}"):
+                self.send_error(HTTPStatus.FORBIDDEN, "only this page is answered")
+            elif not secrets.compare_digest(given.encode(), token.encode()):
+                self.send_error(HTTPStatus.FORBIDDEN, "open the address that the command prints: it has a token")
+            else:
                 return True
-            self.send_error(HTTPStatus.FORBIDDEN, "only pages of this machine are answered")
             return False
 
+        def end_headers(self) -> None:
+            for name, value in HEADERS.items():
+                self.send_header(name, value)
+            super().end_headers()
+
         def do_GET(self) -> None:
-            if self.path.split("?")[0] in ("/", "/index.html"):
+            if self._what in ("/", "/index.html"):
                 self._answer(HTTPStatus.OK, "text/html; charset=utf-8", edit_server.page)
-            elif self.path == "/live" and following is not None:
+            elif self._what == "/live" and following is not None:
                 self._send_poses(following)
             else:
                 self.send_error(HTTPStatus.NOT_FOUND)
 
         def _send_poses(self, following: Following) -> None:
-            """Send poses as server-sent events until the page is closed."""
+            """Send poses and the state of the stream as server-sent events until the page is closed."""
             self.send_response(HTTPStatus.OK)
             self.send_header("Content-Type", "text/event-stream")
-            self.send_header("Cache-Control", "no-store")
             self.end_headers()
-            seen = 0
-            with suppress(ConnectionError):
+            seen, said = 0, float("-inf")
+            with suppress(ConnectionError, TimeoutError):
                 while True:
-                    seen, pose = following.next(seen, WAIT) or (seen, b"")
-                    self.wfile.write(b"data: " + pose + b"\n\n" if pose else b":\n\n")
+                    seen, pose = following.next(seen, STATE) or (seen, b"")
+                    if pose:
+                        self.wfile.write(b"data: " + pose + b"\n\n")
+                    if time.monotonic() - said >= STATE:
+                        said = time.monotonic()
+                        self.wfile.write(b"event: state\ndata: " + json.dumps(following.state()).encode() + b"\n\n")
 
         def do_POST(self) -> None:
-            what, length = self.path.strip("/"), self.headers.get("Content-Length", "0")
+            what, length = self._what.strip("/"), self.headers.get("Content-Length", "0")
             kind = self.headers.get("Content-Type", "")
             own = kind.startswith("application/json")  # no form of another site's page
             if what not in ACTS or not own:
@@ -233,13 +295,14 @@ def serve(
             elif not (length.isascii() and length.isdigit() and int(length) <= LONGEST):
                 self.send_error(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"Content-Length is 0 to {LONGEST}")
             else:
-                self._answer(*edit_server.act(what, self.rfile.read(int(length))))
+                content = self.rfile.read(int(length))
+                self._answer(*(_recorded(following) if what == "record" else edit_server.act(what, content)))
 
         def _answer(self, status: HTTPStatus, kind: str, content: bytes) -> None:
             self.send_response(status)
             self.send_header("Content-Type", kind)
             self.send_header("Content-Length", str(len(content)))
-            with suppress(ConnectionError):  # a page that was closed meanwhile
+            with suppress(ConnectionError, TimeoutError):  # a page that was closed meanwhile
                 self.end_headers()
                 self.wfile.write(content)
 
@@ -247,58 +310,6 @@ def serve(
             pass  # the terminal shows the address, not every request
 
     try:
-        return Served(ThreadingHTTPServer((HOST, port), Handler))
+        return Served(_Server((HOST, port), Handler), token)
     except (OSError, OverflowError) as error:
         raise UsageError(f"cannot serve on port {port}: {error}; --port takes another, 0 any that is free") from error
-
-
-# A robot, and the bodies around it, where the latest pose has them, for a page that is served.
-
-
-class LiveRobot:
-    """The latest pose, shared with waiting pages. Older poses are dropped."""
-
-    def __init__(self, robot: Robot, scene: Scene | None = None) -> None:
-        self._robot, self._shapes = robot, shapes_of(robot)
-        around = None if scene is None else first_frame(scene)
-        drawn = () if around is None else seen(shapes_of_scene(around))
-        self._names = [around.names[body] for body in drawn] if around is not None else []
-        self._count, self._pose = 0, b""
-        self._changed = Condition()
-        still = Trajectory(robot.standing()[None], 1.0, robot.joint_names, robot.name, source="live", scene=around)
-        self.viewer: Viewer = Viewer((Take(robot, still),))
-
-    def show(self, qpos: Floats, bodies: Mapping[str, Floats] | None = None, size: float = 1.0) -> None:
-        """The robot stands so now (nq,), and the bodies around it, `size` times as large as captured, have these poses (7,)."""
-        rows: dict[str, Any] = {"robot": np.round(poses(self._robot, qpos[None], self._shapes), 4).ravel().tolist()}
-        if bodies:
-            around = np.array([bodies[name] for name in self._names]).reshape(-1, 7)[:, SCALAR_LAST]
-            rows |= {"bodies": np.round(around, 4).ravel().tolist(), "size": size}
-        with self._changed:
-            self._count, self._pose = self._count + 1, json.dumps(rows).encode()
-            self._changed.notify_all()
-
-    def next(self, seen: int, timeout: float) -> tuple[int, bytes] | None:
-        """The latest pose as the page takes it, and its number, once that is not the one seen last."""
-        with self._changed:
-            if not self._changed.wait_for(lambda: self._count != seen, timeout):
-                return None
-            return self._count, self._pose
-
-
-# Poses on a page in the browser.
-
-
-class PageSink:
-    """A page that follows; `served` says where.
-
-    Raises:
-        UsageError: its port is taken.
-    """
-
-    def __init__(self, robot: Robot, port: int = PORT, scene: Scene | None = None) -> None:
-        self._robot = LiveRobot(robot, scene)
-        self.served: Served = serve(self._robot.viewer, port, following=self._robot)
-
-    def show(self, pose: LivePose) -> None:
-        self._robot.show(pose.qpos, pose.bodies, pose.size)

@@ -6,6 +6,7 @@ import { Sticks } from "#sticks";
 
 const NEAR = 16; // a keypoint this near to the pointer is meant [pixels]
 const STILL = 4; // a pointer that moves less has clicked [pixels]
+const FIRM = 1e4; // priority of an edge to where a keypoint was dropped: met to a millimetre wherever the joints reach [-]
 const HALF = 0.25; // an edge lasts this long before and after the moment [s]
 const PATIENCE = 800; // after a touch-up, its self-contacts are looked for in the background [ms]
 const RELATIONS = { touch: "touch", is: "exactly", least: "at least", most: "at most" };
@@ -38,6 +39,7 @@ export class Touch {
 
   #form(holder) {
     this.form = holder;
+    this.made = null; // the ends of the latest edit, while no others are picked
     this.ends = made("b", { textContent: "nothing picked" });
     this.relation = made("select", { id: "relation" }, ...Object.entries(RELATIONS).map(([value, text]) => made("option", { value, textContent: text })));
     const number = (id, step) => made("input", { type: "number", id, step, min: 0 });
@@ -66,6 +68,7 @@ export class Touch {
     this.far.disabled = this.relation.value === "touch" || this.#place() !== null;
     this.relation.disabled = this.#place() !== null;
     this.apply.disabled = this.picks.length < 2;
+    this.apply.textContent = this.made === this.picks ? "solve again" : "solve";
   }
 
   #place() {
@@ -165,16 +168,19 @@ export class Touch {
     const at = { touch: 0, is: cm, least: [cm, "inf"], most: [0, cm] }[kind];
     const [a, b] = this.picks.map((pick) => (typeof pick === "string" ? pick : [...pick].map((value) => Math.round(value * 1e4) / 1e4)));
     const span = [this.from.value, this.to.value].map((time) => Math.min(Math.round(Number(time) * fps), frames - 1));
-    return { a, b, at, frames: span, ...(this.hard.checked && { hard: true }) };
+    const strength = this.hard.checked ? { hard: true } : this.#place() ? { priority: FIRM } : {};
+    return { a, b, at, frames: span, ...strength };
   }
 
   async make() {
     if (this.picks.length < 2) return;
-    await this.send("edit", this.edge());
+    const { picks } = this, instead = this.made === picks;
+    if (await this.send("edit", { ...this.edge(), instead })) this.made = picks;
+    this.#offer();
   }
 
   async #post(what, content = {}) {
-    const answer = await fetch(what, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(content) });
+    const answer = await fetch(what + location.search, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(content) });
     if (!answer.ok) throw new Error((await answer.json().catch(() => null))?.error ?? `the server answers ${answer.status}`);
     return answer;
   }
@@ -194,10 +200,15 @@ export class Touch {
       this.#shown(await decoded(answer.body));
       this.#report(what, (performance.now() - began) / 1000);
       if (what !== "judge") this.later = setTimeout(() => this.#check(), PATIENCE);
+      if (what === "undo" || what === "redo") this.made = null;
+      return true;
     } catch (error) {
       this.#say(error.message, true);
+      return false;
+    } finally {
+      this.form.classList.remove("busy");
+      this.#offer();
     }
-    this.form.classList.remove("busy");
   }
 
   #shown({ takes: [take], touch }) {

@@ -1,0 +1,180 @@
+"""A robot, its performer and the bodies around it, where the latest pose has them, for a page that is served."""
+
+import json
+from collections import deque
+from collections.abc import Callable, Mapping
+from itertools import count
+from pathlib import Path
+from threading import Condition
+from time import monotonic
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import UsageError
+from robot_retarget.human.surroundings import first_frame
+from robot_retarget.live.frame import Frame
+from robot_retarget.live.loop import LivePose, Loop
+from robot_retarget.robot.model import Robot
+from robot_retarget.robot.timing import sample
+from robot_retarget.scene.scene import Scene
+from robot_retarget.tools.view.staging import FLESH, height_of
+from robot_retarget.tools.view.web.serve import PORT, Served, serve
+from robot_retarget.tools.view.web.shapes import shapes_of, shapes_of_scene
+from robot_retarget.tools.view.web.show import SCALAR_LAST, poses, seen
+from robot_retarget.tools.view.web.take import Take, Viewer
+from robot_retarget.trajectory import Trajectory
+
+RECENT = 60
+"""Number of frames that rate and latency are taken from."""
+
+
+class LiveRobot:
+    """The latest pose, shared with waiting pages. Older poses are dropped; those of a take are kept."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        scene: Scene | None = None,
+        facts: Callable[[], dict[str, Any]] = dict,
+        takes: Path = Path(),
+    ) -> None:
+        """Begin with a standing robot.
+
+        Args:
+            robot: it.
+            scene: the bodies around it.
+            facts: what a page says of the stream.
+            takes: the folder of recorded takes.
+        """
+        self._robot, self._shapes, self._facts, self._folder = robot, shapes_of(robot), facts, takes
+        around = None if scene is None else first_frame(scene)
+        drawn = () if around is None else seen(shapes_of_scene(around))
+        self._names = [around.names[body] for body in drawn] if around is not None else []
+        self._count, self._pose = 0, b""
+        self._changed = Condition()
+        self._take: list[tuple[float, Floats]] | None = None
+        still = Trajectory(robot.standing()[None], 1.0, robot.joint_names, robot.name, source="live", scene=around)
+        self.viewer: Viewer = Viewer((Take(robot, still),))
+
+    def show(
+        self,
+        qpos: Floats,
+        bodies: Mapping[str, Floats] | None = None,
+        size: float = 1.0,
+        human: Floats | None = None,
+    ) -> None:
+        """Show a pose.
+
+        Args:
+            qpos: (nq,) of the robot.
+            bodies: (7,) poses of the bodies around it by name.
+            size: of the bodies over their captured size [-].
+            human: (J, 3) joints of the performer [m], as large as the robot, above its middle on the floor.
+        """
+        rows: dict[str, Any] = {"robot": np.round(poses(self._robot, qpos[None], self._shapes), 4).ravel().tolist()}
+        if bodies:
+            around = np.array([bodies[name] for name in self._names]).reshape(-1, 7)[:, SCALAR_LAST]
+            rows |= {"bodies": np.round(around, 4).ravel().tolist(), "size": size}
+        if human is not None:
+            rows["human"] = np.round(human, 4).ravel().tolist()
+        with self._changed:
+            self._count, self._pose = self._count + 1, json.dumps(rows).encode()
+            if self._take is not None:
+                self._take.append((monotonic(), np.array(qpos)))
+            self._changed.notify_all()
+
+    def next(self, seen: int, timeout: float) -> tuple[int, bytes] | None:
+        """The latest pose as the page takes it, and its number, once that is not the one seen last."""
+        with self._changed:
+            if not self._changed.wait_for(lambda: self._count != seen, timeout):
+                return None
+            return self._count, self._pose
+
+    def state(self) -> dict[str, Any]:
+        """Return the facts of the stream, and the length of a take that is being recorded [s]."""
+        with self._changed:
+            recording = None if self._take is None else self._length(self._take)
+        return self._facts() | {"recording": recording}
+
+    def record(self) -> dict[str, Any]:
+        """Begin a take, or end it and write `take_N.npz`, with the next number that is free.
+
+        Raises:
+            UsageError: it has no two poses.
+            OutputError: it cannot be written.
+        """
+        with self._changed:
+            take, self._take = self._take, None if self._take is not None else []
+        if take is None:
+            return {"recording": 0.0}
+        length = self._length(take)
+        if not length:
+            raise UsageError("no pose came while the take was recorded")
+        times, qpos = np.array([time for time, _ in take]), np.array([pose for _, pose in take])
+        fps = float(np.clip(round((len(take) - 1) / length), 1, 1000))
+        numbered = Trajectory(qpos, 1.0, self._robot.joint_names, self._robot.name, source="live")
+        at = np.interp(np.arange(int(length * fps) + 1) / fps, times - times[0], np.arange(len(take)))
+        path = next(p for n in count(1) if not (p := self._folder / f"take_{n}.npz").exists())
+        numbered.altered(qpos=sample(numbered, self._robot, at), fps=fps).save(path)
+        return {"wrote": str(path), "seconds": round(length, 2)}
+
+    @staticmethod
+    def _length(take: list[tuple[float, Floats]]) -> float:
+        return round(take[-1][0] - take[0][0], 2) if len(take) > 1 else 0.0
+
+
+class PageSink:
+    """A page that follows a stream; `served` says where.
+
+    Raises:
+        UsageError: its port is taken.
+    """
+
+    def __init__(self, robot: Robot, port: int = PORT, scene: Scene | None = None, source: str = "") -> None:
+        """Serve the page; `source` is where frames come from, in words."""
+        self._robot = LiveRobot(robot, scene, self._facts)
+        self._loop: Loop | None = None
+        self._source, self._height, self._frames = source, height_of(robot), deque[float](maxlen=RECENT)
+        self._performer: tuple[Any, float] | None = None
+        self.served: Served = serve(self._robot.viewer, port, following=self._robot)
+
+    def follow(self, loop: Loop) -> None:
+        """Show the performer of a loop too, and its state."""
+        self._loop = loop
+
+    def show(self, pose: LivePose) -> None:
+        frame = self._loop.last if self._loop is not None else None
+        if frame is not None and self._loop is not None and not self._loop.resting:
+            self._frames.append(frame.arrived)
+        self._robot.show(pose.qpos, pose.bodies, pose.size, None if frame is None else self._scaled(frame))
+
+    def _scaled(self, frame: Frame) -> Floats:
+        """(J, 3) the performer as tall as the robot, its lowest joint a hand's breadth of flesh above the floor [m]."""
+        points = frame.positions
+        if self._performer is None or self._performer[0] is not frame.skeleton:
+            extent = float(np.linalg.norm(points[:, None] - points, axis=-1).max())
+            self._performer = frame.skeleton, self._height / max(extent, 1e-6)
+        middle = np.array([*points[:, :2].mean(axis=0), points[:, 2].min()])
+        return (points - middle) * self._performer[1] + [0.0, 0.0, FLESH * self._height]
+
+    def _facts(self) -> dict[str, Any]:
+        """Return state, address, rate, latency and faults of the stream, and the performer's bones."""
+        loop, frames = self._loop, [*self._frames]
+        facts: dict[str, Any] = {"state": "waiting for a performer", "source": self._source}
+        if loop is None or loop.last is None:
+            return facts
+        moving = len(frames) > 1 and monotonic() - frames[-1] < 1.0
+        rate = (len(frames) - 1) / max(frames[-1] - frames[0], 1e-6) if moving else 0.0
+        latencies = [*loop.stats.latencies][-RECENT:]
+        calibrated = getattr(loop.stream, "calibration", None) is not None
+        following = "following" if calibrated else "measuring the performer: stand upright for a second"
+        parents = loop.last.skeleton.parents
+        return facts | {
+            "state": "no frames: the robot rests" if loop.resting else following,
+            "rate": round(rate, 1),
+            "latency_ms": round(1000 * float(np.median(latencies)), 1) if latencies else None,
+            "faults": {**loop.source.faults.counts, **getattr(loop.stream, "faults", {})},
+            "bones": [[int(parent), joint] for joint, parent in enumerate(parents) if parent >= 0],
+        }
