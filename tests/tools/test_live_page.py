@@ -1,14 +1,25 @@
 """A served page follows live poses, in a browser."""
 
+import os
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
+import pytest
 from browser import needs_browser, tab
 
+import robot_retarget as rr
+from robot_retarget.base.files import SAMPLES
+from robot_retarget.human.motion import Motion
+from robot_retarget.human.read import read_motion
+from robot_retarget.live.faults import Fault, FaultCounter
+from robot_retarget.live.loop import Loop
+from robot_retarget.live.replay import Replay
 from robot_retarget.robot import load_robot
-from robot_retarget.tools.view.web.live import LiveRobot
+from robot_retarget.tools.view.web.live import LiveRobot, PageSink
 from robot_retarget.tools.view.web.serve import serve
+from robot_retarget.trajectory import load_trajectory
 
 
 def test_only_the_latest_pose_is_sent() -> None:
@@ -47,3 +58,44 @@ def test_the_robot_on_the_page_stands_where_the_latest_pose_has_it() -> None:
     finally:
         served.server.shutdown()
         thread.join(5)
+
+
+@needs_browser
+def test_a_page_shows_state_address_rate_faults_and_performer_and_records_a_take(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    robot, wave = load_robot("op3"), read_motion(SAMPLES / "wave.bvh")
+    there_and_back = np.concatenate([wave.positions, wave.positions[::-1]])
+    motion = Motion(wave.skeleton, np.concatenate([there_and_back] * 30), None, wave.fps)
+    sink = PageSink(robot, 0, source="UDP 127.0.0.1:39539")
+    source = Replay(motion, FaultCounter())
+    loop = Loop(source, lambda skeleton: rr.Stream(robot, skeleton), sink)
+    pages, frames = (threading.Thread(target=run, daemon=True) for run in (sink.served.forever, loop.run))
+    pages.start()
+    cell = "document.querySelectorAll('#live dd')[{}].textContent"
+    try:
+        with tab() as browser:
+            browser.open(sink.served.address)
+            browser.until(f"return {cell.format(0)} === 'waiting for a performer'")
+            assert browser.run(f"return {cell.format(1)}") == "UDP 127.0.0.1:39539"
+            sink.follow(loop)
+            frames.start()
+            browser.until(f"return {cell.format(0)} === 'following' && parseFloat({cell.format(2)}) > 0")
+            browser.until("return viewer.live.sticks?.rods.count > 10 && viewer.live.poses > 10")
+            assert "ms" in browser.run(f"return {cell.format(3)}") and browser.run(f"return {cell.format(4)}") == "none"
+            browser.run("document.getElementById('record').click()")
+            browser.until(f"return parseFloat({cell.format(5)}) > 0.2")
+            source.faults.note(Fault.SILENCE, "of a test")
+            browser.until(f"return {cell.format(4)}.includes('× 1')")
+            if picture := os.environ.get("PICTURE"):
+                browser.driver.save_screenshot(picture)
+            browser.run("document.getElementById('record').click()")
+            browser.until(f"return {cell.format(5)}.startsWith('wrote take_1.npz')")
+            assert not browser.complaints()
+    finally:
+        loop.stop.set()
+        sink.served.server.shutdown()
+    take = load_trajectory(tmp_path / "take_1.npz")
+    assert take.robot == robot.name and len(take) > 2 and 5 < take.fps < 240
+    assert np.ptp(take.qpos[:, robot.qpos_index], axis=0).max() > 0.001

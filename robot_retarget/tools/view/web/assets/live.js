@@ -19,6 +19,7 @@ export class Live {
   constructor(cast, shown) {
     this.poses = 0;
     this.cast = cast;
+    cast.take.reach = Math.max(cast.take.reach, (ASIDE + 0.6) * cast.take.height); // the performer is in the picture too
     for (const id of Object.keys(cast.parts)) cast.show(id, id === "robot");
     this.#panel(document.getElementById("live"));
     const { poses, way, around } = cast.take, middle = way.values.slice(), first = poses.values.slice(0, 3);
