@@ -98,7 +98,7 @@ def warm_up(place: Path, robots: list[str]) -> None:
 def command(clips: Path, out: Path, robots: list[str], jobs: int) -> list[str]:
     chosen = [word for robot in robots for word in ("-r", robot)]
     line = [sys.executable, "-m", "robot_retarget", "batch", str(clips), *chosen, "--out", str(out), "-j", str(jobs)]
-    return [*line, "--extremes", "0", "-q", "--json"]
+    return [*line, "--pictures", "0", "-q", "--json"]
 
 
 def timed(clips: Path, out: Path, robots: list[str], jobs: int) -> float:

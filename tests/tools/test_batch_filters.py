@@ -1,19 +1,21 @@
 """Filters, near-duplicates, summaries and packed files."""
 
 import csv
+import os
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from browser import needs_browser, tab
 from small_batches import cut_clips, job_of, rows_of, run
 
 import robot_retarget as rr
 from robot_retarget.base.errors import UsageError
 from robot_retarget.base.untrusted.pickles import load_pickle
 from robot_retarget.scores.score import FIGURES
-from robot_retarget.tools.batch.filters import choose, near_duplicates, read_filters
-from robot_retarget.tools.batch.report import pack_all, write_reports
+from robot_retarget.tools.batch.filters import Chosen, choose, near_duplicates, read_filters
+from robot_retarget.tools.batch.report import ClipCard, examples_of, pack_all, reasons_of, save_page, write_reports
 from robot_retarget.tools.batch.task import Row
 
 
@@ -39,6 +41,7 @@ def test_the_shipped_filters_name_known_figures() -> None:
     )
 
 
+CALM = {"duration_s": 4.0, "moves_deg": 60.0, "root_height_min": 1.0, "flight_pct": 0.0, "jerk_rms": 90.0}
 TRACKABLE = {"duration_s": 4.0, "moves_deg": 60.0, "held_pct": 0.0}
 
 
@@ -86,7 +89,7 @@ def test_reports_and_packed_files_hold_every_clip(tmp_path: Path) -> None:
     job = job_of(cut_clips(tmp_path / "clips"), tmp_path / "out")
     run(job)
     rows = rows_of(job.out)
-    write_reports(rows, list(read_filters().values()), job, extremes=1)
+    write_reports(rows, list(read_filters().values()), job, pictures=1)
     with (job.out / "summary.csv").open() as file:
         table = list(csv.DictReader(file))
     assert [line["clip"] for line in table] == ["clap", "walk", "wave"]
@@ -95,7 +98,7 @@ def test_reports_and_packed_files_hold_every_clip(tmp_path: Path) -> None:
     assert (
         "wave" in page
         and "<svg" in page
-        and "extremes/op3-" in page
+        and "pictures/op3-" in page
         and "://" not in page.replace("http://www.w3.org", "")
     )
     passed = (job.out / "lists/feasible.txt").read_text().split()
@@ -118,3 +121,44 @@ def test_parquet_holds_the_same_table(tmp_path: Path) -> None:
     save_parquet([row("a", speed_p99=1.5), row("b")], tmp_path / "t.parquet")
     table = parquet.read_table(tmp_path / "t.parquet").to_pydict()
     assert table["clip"] == ["a", "b"] and table["speed_p99"] == [1.5, None]
+
+
+def judged_rows() -> tuple[list[Row], list[Chosen]]:
+    """Rows of which one passes, one fails, and others are left out with reasons."""
+    rows = [
+        row("calm", **CALM),
+        row("walks", **{**CALM, "flight_pct": 30.0, "travel_m": 2.0}),
+        row("sinks", **{**CALM, "ground_pen_max_cm": 7.5, "flight_pct": 12.0}),
+        replace(row("broken"), state="failed", message="no human: 2 joints"),
+    ]
+    return rows, [choose(rows, filter) for filter in read_filters().values()]
+
+
+def test_the_page_gives_each_clip_its_reasons_and_each_filter_theirs(tmp_path: Path) -> None:
+    rows, chosen = judged_rows()
+    by_clip = reasons_of(chosen)
+    for one in chosen:
+        for left, reasons in one.rejected:
+            assert all(any(said.startswith(reason) for said in by_clip[left.key]) for reason in reasons)
+    examples = examples_of(rows, chosen, 2)
+    assert {left.clip for left, _ in examples} == {"walks", "sinks", "calm"}
+    text = save_page(rows, chosen, [ClipCard(*one, None, None) for one in examples], 0, tmp_path / "s.html").read_text()
+    assert "flight_pct above 2" in text and "flight_pct 30 % is above 2" in text and "no human: 2 joints" in text
+    assert "physics_score" not in text and " best " not in text
+
+
+@needs_browser
+def test_the_page_of_a_batch_fits_a_telephone(tmp_path: Path) -> None:
+    rows, chosen = judged_rows()
+    cards = [ClipCard(*one, None, None) for one in examples_of(rows, chosen, 2)]
+    page = save_page(rows, chosen, cards, 0, tmp_path / "summary.html")
+    with tab() as browser:
+        for width in (390, 1200):
+            size = {"width": width, "height": 1500, "deviceScaleFactor": 1, "mobile": width < 640}
+            browser.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+            browser.driver.get(page.as_uri())
+            browser.until("return document.querySelectorAll('#clips tr').length === 5")
+            assert browser.run("return document.documentElement.scrollWidth") <= width
+            if place := os.environ.get("PICTURE"):
+                browser.driver.save_screenshot(f"{place}{width}.png")
+        assert not browser.complaints()

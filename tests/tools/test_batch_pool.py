@@ -85,7 +85,7 @@ def batch(clips: Path, out: Path) -> subprocess.Popen[str]:
         out,
         "-j",
         "2",
-        "--extremes",
+        "--pictures",
         "0",
     ]
     environment = os.environ | {"PYTHONPATH": str(ROOT)}

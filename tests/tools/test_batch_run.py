@@ -114,7 +114,7 @@ def test_a_clip_that_cannot_be_read_is_listed_and_the_rest_done(tmp_path: Path) 
     ended, _ = run(job_of(clips, out))
     assert ended.states == {"done": 1, "failed": 1}
     assert "expected MOTION" in ended.failures[0].message
-    code, said = command("batch", clips, "-r", "op3", "--out", out, "--extremes", "0")
+    code, said = command("batch", clips, "-r", "op3", "--out", out, "--pictures", "0")
     assert code == 1 and "bad" in said and "expected MOTION" in said
     assert run(job_of(clips, out), pretend)[1] == []
     assert [outcome.clip for outcome in run(job_of(clips, out, retry=("failed",)), pretend)[1]] == ["bad"]

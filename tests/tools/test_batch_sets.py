@@ -129,7 +129,7 @@ def test_the_command_says_what_is_left_out_of_the_lists(clips: Path, tmp_path: P
     job = job_of(clips, tmp_path / "out")
     run(job, pretend)
     (clips / "wave.bvh").unlink()
-    words = ["batch", clips, "--robot", "op3", "--out", job.out, "--jobs", "1", "--extremes", "0"]
+    words = ["batch", clips, "--robot", "op3", "--out", job.out, "--jobs", "1", "--pictures", "0"]
     done = CliRunner().invoke(app, list(map(str, words)), catch_exceptions=False)
     assert "1 rows are not in the lists" in done.stderr
     assert "wave" not in (job.out / "lists/feasible.txt").read_text()

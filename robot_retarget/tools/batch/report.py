@@ -1,5 +1,6 @@
-"""Everything that a run writes at its end: summary, lists of filters, near-duplicates, pictures of extremes."""
+"""Everything that a run writes at its end: summary, lists of filters, near-duplicates, pictures of examples."""
 
+import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -18,13 +19,14 @@ from robot_retarget.formats.robot_motion import RobotMotion, robot_motion
 from robot_retarget.scores.score import FIGURES
 from robot_retarget.tools.batch.filters import Chosen, Filter, choose, near_duplicates
 from robot_retarget.tools.batch.task import DONE, Job, Row, robot_of
+from robot_retarget.tools.view.page import STYLE
 from robot_retarget.trajectory import load_trajectory
 
-# `summary.html`: a table to sort and search, histograms, and the best and the worst clips. No script from elsewhere: it opens offline.
+# `summary.html`: a table to sort and search, histograms, reasons, and clips to look at. No script from elsewhere: it opens offline.
 
 TEMPLATE = Path(__file__).with_name("summary.html")
 SHOWN = (
-    "physics_score", "limb_deg_mean", "near_err", "contact_recall", "skate_cm_s", "self_pen_max_cm", "ground_pen_max_cm",
+    "limb_deg_mean", "near_err", "contact_recall", "skate_cm_s", "self_pen_max_cm", "ground_pen_max_cm",
     "float_med_cm", "speed_p99", "jerk_rms", "root_residual", "zmp_out_pct", "torque_over_pct", "flight_pct",
 )  # fmt: skip
 """Figures of the page; `summary.csv` has all."""
@@ -37,37 +39,77 @@ class ClipCard:
     """A clip with its pictures, named relative to the page."""
 
     row: Row
+    why: str
     strip: str | None
     viewer: str | None
 
 
 def save_page(
-    rows: Sequence[Row], chosen: Sequence[Chosen], extremes: Sequence[ClipCard], duplicates: int, path: Path
+    rows: Sequence[Row], chosen: Sequence[Chosen], cards: Sequence[ClipCard], duplicates: int, path: Path
 ) -> Path:
     """Write the page, whole or not at all."""
     states = Counter(row.state for row in rows)
     frames = sum(row.frames for row in rows)
+    reasons = reasons_of(chosen)
     page = rendered(
         TEMPLATE,
+        style=STYLE.read_text(encoding="utf-8"),
         headline=f"{len(rows)} clips × robots: " + ", ".join(f"{n} {state}" for state, n in sorted(states.items())),
         frames=f"{frames:,} frames; {duplicates} pairs of near-duplicates",
         filters=[_filter(one) for one in chosen],
         width=WIDTH,
         height=HEIGHT,
         histograms=[found for name in SHOWN if (found := _histogram(rows, name))],
-        extremes=extremes,
-        columns=["robot", "clip", "state", "frames", *SHOWN, "message"],
-        rows=[[r.robot, r.clip, r.state, r.frames, *(r.figures.get(n) for n in SHOWN), r.message] for r in rows],
+        cards=cards,
+        columns=["clip", "robot", "state", "left out because", "frames", *SHOWN, "message"],
+        rows=[
+            [r.clip, r.robot, r.state, reasons.get(r.key, []), r.frames, *(r.figures.get(n) for n in SHOWN), r.message]
+            for r in rows
+        ],
         units={name: FIGURES[name].unit for name in SHOWN},
     )
     return write_text(path, page)
 
 
-def _filter(one: Chosen) -> tuple[str, str, str]:
-    """Return a filter's name, how many clips pass it, and the commonest first reasons of the others."""
+def _filter(one: Chosen) -> tuple[str, str, list[str]]:
+    """Return a filter's name, how many clips pass it, and each reason of the others with the number of clips."""
     total = len(one.passed) + len(one.rejected)
-    first = Counter(reasons[0].split(" ")[0] for _, reasons in one.rejected).most_common(3)
-    return one.filter.name, f"{len(one.passed)} of {total}", ", ".join(f"{name} {count}" for name, count in first)
+    counts = Counter(kind for _, reasons in one.rejected for kind in {_kind(reason) for reason in reasons})
+    return one.filter.name, f"{len(one.passed)} of {total}", [f"{kind}: {n}" for kind, n in counts.most_common()]
+
+
+def _kind(reason: str) -> str:
+    """Return a reason without its value: the figure and its bound, or the state of a clip that failed."""
+    return (
+        re.sub(r"^(\S+) \S+ (.*?)is (above|below)", r"\1 \3", reason) if " is " in reason else reason.partition(":")[0]
+    )
+
+
+def reasons_of(chosen: Sequence[Chosen]) -> dict[tuple[str, str], list[str]]:
+    """Return, by robot and clip, each reason with the filters that leave it out."""
+    found: dict[tuple[str, str], dict[str, list[str]]] = {}
+    for one in chosen:
+        for row, reasons in one.rejected:
+            for reason in reasons:
+                found.setdefault(row.key, {}).setdefault(reason, []).append(one.filter.name)
+    return {
+        key: [f"{reason}: {', '.join(names)}" if len(chosen) > 1 else reason for reason, names in by_reason.items()]
+        for key, by_reason in found.items()
+    }
+
+
+def examples_of(rows: Sequence[Row], chosen: Sequence[Chosen], count: int) -> list[tuple[Row, str]]:
+    """Return clips to look at: one for each of the `count` commonest reasons, and `count` that every filter lets through."""
+    kinds = Counter(_kind(reason) for one in chosen for _, reasons in one.rejected for reason in reasons)
+    shown: dict[tuple[str, str], tuple[Row, str]] = {}
+    for kind, _ in kinds.most_common():
+        pairs = ((row, why) for one in chosen for row, reasons in one.rejected for why in reasons if _kind(why) == kind)
+        fresh = next((pair for pair in pairs if pair[0].state == DONE and pair[0].key not in shown), None)
+        if fresh is not None and len(shown) < count:
+            shown[fresh[0].key] = fresh
+    out = {row.key for one in chosen for row, _ in one.rejected}
+    passed = [(row, "every filter lets it through") for row in rows if row.state == DONE and row.key not in out]
+    return [*shown.values(), *passed[:count]]
 
 
 def _histogram(rows: Sequence[Row], name: str) -> dict[str, object] | None:
@@ -80,13 +122,6 @@ def _histogram(rows: Sequence[Row], name: str) -> dict[str, object] | None:
     range_ = f"{low:.3g} … {high:.3g}, median {np.median(values):.3g}"
     figure = FIGURES[name]
     return {"name": name, "what": figure.what, "unit": figure.unit, "shares": counts / counts.max(), "range": range_}
-
-
-def extremes_of(rows: Sequence[Row], count: int) -> list[Row]:
-    """The worst and the best rows by their physics score, `count` of each."""
-    scored = [row for row in rows if row.state == DONE and row.figures.get("physics_score") is not None]
-    ordered = sorted(scored, key=lambda row: (row.figures["physics_score"], row.key))
-    return ordered if len(ordered) <= 2 * count else [*ordered[:count], *ordered[-count:]]
 
 
 # The results as tables: `summary.csv`, and `summary.parquet` if pyarrow is installed.
@@ -121,14 +156,14 @@ def _cell(row: Row, figure: str) -> Any:
     return "" if value is None else value
 
 
-LISTS, PICTURES = "lists", "extremes"
+LISTS, PICTURES = "lists", "pictures"
 
 
-def write_reports(rows: Sequence[Row], filters: Sequence[Filter], job: Job, extremes: int) -> list[Chosen]:
-    """Write `summary.csv`, `summary.parquet`, `summary.html`, `lists/` and `extremes/` into the folder of results.
+def write_reports(rows: Sequence[Row], filters: Sequence[Filter], job: Job, pictures: int) -> list[Chosen]:
+    """Write `summary.csv`, `summary.parquet`, `summary.html`, `lists/` and `pictures/` into the folder of results.
 
     Args:
-        extremes: how many of the worst and of the best clips get a strip and a viewer.
+        pictures: how many clips that are left out, and how many that pass, get a strip and a viewer.
     """
     out = job.out
     save_csv(rows, out / "summary.csv")
@@ -138,7 +173,7 @@ def write_reports(rows: Sequence[Row], filters: Sequence[Filter], job: Job, extr
         _save_lists(one, folder(out / LISTS))
     pairs = near_duplicates(rows)
     write_csv(folder(out / LISTS) / "near_duplicates.csv", ("robot", "clip", "like"), pairs)
-    shown = [_pictured(row, job) for row in extremes_of(rows, extremes)] if extremes else []
+    shown = [_pictured(row, why, job) for row, why in examples_of(rows, chosen, pictures)]
     save_page(rows, chosen, shown, len(pairs), out / "summary.html")
     return chosen
 
@@ -150,7 +185,7 @@ def _save_lists(one: Chosen, target: Path) -> None:
     write_csv(target / f"{one.filter.name}_rejected.csv", ("robot", "clip", "reasons"), rejected)
 
 
-def _pictured(row: Row, job: Job) -> ClipCard:
+def _pictured(row: Row, why: str, job: Job) -> ClipCard:
     """Draw a strip and a viewer of a row."""
     from robot_retarget.tools.view.film import strip
     from robot_retarget.tools.view.picture import Picture
@@ -165,11 +200,11 @@ def _pictured(row: Row, job: Job) -> ClipCard:
         Viewer((Take(robot, trajectory),)).save(target / f"{stem}.html")
         picture = strip(robot, trajectory, count=6, height=240)
     except RobotRetargetError:
-        return ClipCard(row, None, None)
+        return ClipCard(row, why, None, None)
     if isinstance(picture, Picture):
         picture.save(target / f"{stem}.png")
     drawn = f"{PICTURES}/{stem}.png" if isinstance(picture, Picture) else None
-    return ClipCard(row, drawn, f"{PICTURES}/{stem}.html")
+    return ClipCard(row, why, drawn, f"{PICTURES}/{stem}.html")
 
 
 # All clips of a robot in one file, as trainers load them.

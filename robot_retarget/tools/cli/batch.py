@@ -57,7 +57,7 @@ class BatchOptions(FollowOptions, FreezeOptions, LimitOptions, RateOptions, MapO
     pack: list[str] | None = option("Format to pack all clips into: locomujoco, phc (SONIC).", default=None)
     mirror: bool = option("Write the mirror image of every trajectory too.", "--mirror", default=False)
     filter_file: Path | None = option("TOML file of thresholds; by default the shipped ones.", "--filter", default=None)
-    extremes: int = option("Number of worst and of best clips to draw.", default=2, min=0)
+    pictures: int = option("Number of clips to draw that are left out, and that pass.", default=2, min=0)
     balance: Literal["auto", "static", "dynamic", "off"] = option(BALANCE, default="off")
 
     def settings(self) -> "Settings":
@@ -139,7 +139,7 @@ def _run(job: "Job", how: BatchOptions, filters: "list[Filter]") -> "tuple[RunSu
             console.note(
                 f"{len(every) - len(rows)} rows are not in the lists: their clips are gone, or they were made with other options"
             )
-        chosen = write_reports(rows, filters, job, 0 if ended.stopped else how.extremes)
+        chosen = write_reports(rows, filters, job, 0 if ended.stopped else how.pictures)
         for format in how.pack or ():
             console.note(f"packed {pack_all(rows, job, format)}")
     return ended, chosen

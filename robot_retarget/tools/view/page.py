@@ -21,6 +21,8 @@ from robot_retarget.tools.view.picture import Picture, Unavailable
 from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory
 
 TEMPLATE = Path(__file__).with_name("page.html")
+STYLE = Path(__file__).with_name("pages.css")
+"""Of the report and of the page of a batch."""
 UNITS = {"_rad": "rad", "_s": "s", "_Nm": "N m", "_A": "A", "_K": "K", "_share": "of all"}
 """Unit of a joint's figure, by the end of its name."""
 
@@ -57,6 +59,7 @@ def save_page(
     broken = [line for line in lines if not line.held]
     page = rendered(
         TEMPLATE,
+        style=STYLE.read_text(encoding="utf-8"),
         report=report,
         motion=played.source or "a trajectory",
         headline=headline(report),
