@@ -104,3 +104,38 @@ def test_ends_and_times_beyond_the_clip_are_refused(solved: tuple[RobotGraph, Tr
     ):
         with pytest.raises(GraphError, match=said):
             apply_edit(*solved, edit)
+
+
+def test_an_edge_in_place_of_the_latest_leaves_as_many_and_starts_where_that_one_did(
+    solved: tuple[RobotGraph, Trajectory], tmp_path: Path
+) -> None:
+    session = Session(*solved, tmp_path / "E.toml", tmp_path / "E.npz")
+    session.make(HANDS.values)
+    there = session.trajectory
+    session.make(HANDS.values, instead=True)
+    assert len(session.edits) == 1 and session.before is solved[1]
+    np.testing.assert_array_equal(session.trajectory.qpos, there.qpos)
+    with pytest.raises(GraphError):
+        session.make({"a": "l_hand", "b": "tail", "at": 0}, instead=True)
+    assert len(session.edits) == 1
+
+
+@pytest.mark.parametrize(
+    ("at", "asked"),
+    [(0, "touch"), (0.07, "exactly 7 cm"), ([0.3, math.inf], "at least 30 cm"), ([0, 0.09], "at most 9 cm")],
+)
+def test_what_was_asked_for_is_said_in_the_words_of_the_form(
+    at: object, asked: str, solved: tuple[RobotGraph, Trajectory]
+) -> None:
+    form = (ROOT / "robot_retarget/tools/view/web/assets/touch.js").read_text()
+    assert asked.split(" ")[0] in form and " ".join(asked.split(" ")[:2]).rstrip("0123456789 ") in form
+    done = apply_edit(*solved, Edit("edge", {**HANDS.values, "at": at}))
+    assert f"asked for: {asked}" in done.reached
+
+
+def test_an_edge_out_of_reach_names_the_joints_that_stop_it(solved: tuple[RobotGraph, Trajectory]) -> None:
+    graph, trajectory = solved
+    feet = world_points(OP3, graph.match.points, trajectory.qpos)[33, graph.match.index("l_ankle")]
+    far = {"a": "l_hand", "b": [round(float(v), 3) for v in feet + [0, 0.6, 0.5]], "at": 0, "frames": [30, 36]}
+    done = apply_edit(graph, trajectory, Edit("edge", {**far, "priority": 1e4}))
+    assert any(f"; {cause}" in done.reached for cause in ("at a limit: ", "floor, separation and speeds")), done.reached

@@ -25,6 +25,15 @@ DONE = "const form = document.getElementById('touch'); return !form.classList.co
 DONE += "(form.querySelector('output').textContent)"
 
 
+SAID = "return document.querySelector('#touch output').textContent"
+
+
+def press(opened: Tab, button: str) -> None:
+    """Press a button of the form and wait for the answer."""
+    opened.run(f"document.querySelector('#touch output').textContent = ''; document.getElementById('{button}').click()")
+    opened.until(DONE)
+
+
 def command(*words: str | Path) -> None:
     done = run(*words)
     assert done.returncode == 0, done.stderr
@@ -77,14 +86,16 @@ def test_a_touch_up_by_mouse_gives_the_file_of_the_command_line(opened: Tab, fol
     opened.keys("t")
     drag(opened, "l_hand", 50, -60)
     opened.until(DONE)
+    off = "const t = viewer.touch; return t.at(t.keypoints.names.indexOf('l_hand')).distanceTo(t.picks[1])"
+    assert opened.run(off) < 0.01 or "limit" in opened.run(SAID)
+    press(opened, "apply")
+    assert opened.run("return viewer.touch.state.edits") == 1, "solve after a drag added its edge again"
     drag(opened, "r_hand", 0, 0)
     drag(opened, "r_hip", 0, 0)
     form = "document.getElementById('relation').value = 'most'; document.getElementById('far').value = '9';"
-    opened.run(
-        form + "document.querySelector('#touch output').textContent = ''; document.getElementById('apply').click()"
-    )
-    opened.until(DONE)
-    assert "2 edits" in opened.run("return document.querySelector('#touch output').textContent")
+    opened.run(form)
+    press(opened, "apply")
+    assert "2 edits" in opened.run(SAID) and "asked for: at most 9 cm" in opened.run(SAID)
     opened.run("document.getElementById('keep').click()")
     opened.until("return document.querySelector('#touch output').textContent.startsWith('wrote')")
     given = "--motion", WAVE, "--edges", folder / "EDITS.toml"
