@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import JERK_PEAK, Floats, minimum_jerk
+from robot_retarget.base.choices import Balance, Legs
 from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.base.keypoints import ARM, SIDES
 from robot_retarget.edit.seam import Seam, Stances, found_seam, table_of
@@ -153,8 +154,8 @@ def sequence(
     best: bool = False,
     fade: float | None = None,
     speed: float = 1.0,
-    legs: str = "auto",
-    balance: str = "auto",
+    legs: Legs = "auto",
+    balance: Balance = "auto",
     **options: Any,
 ) -> Result:
     """Return trajectories one after the other, with seams that are solved as any motion.
@@ -205,7 +206,7 @@ def splice(
     arms: Trajectory | str | Path,
     robot: Robot | str | Path,
     *,
-    balance: str = "auto",
+    balance: Balance = "auto",
     **options: Any,
 ) -> Result:
     """Return a trajectory with the legs, trunk and head of one and the arms of another, solved as any motion.

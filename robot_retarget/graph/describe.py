@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats
+from robot_retarget.base.choices import Preset, Terrain
 from robot_retarget.base.errors import UsageError
 from robot_retarget.graph.added import added_edge, with_added
 from robot_retarget.graph.graph import Graph
@@ -27,7 +28,7 @@ from robot_retarget.human.match import Match, match, read_map
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import as_motion
 from robot_retarget.human.surroundings import rescaled
-from robot_retarget.human.terrain import Terrain, with_terrain
+from robot_retarget.human.terrain import with_terrain
 from robot_retarget.robot import Robot, as_robot, freeze
 from robot_retarget.robot.override import frozen_lines
 from robot_retarget.scene import Scene, read_scene
@@ -155,7 +156,7 @@ def describe(
     fps: float | None = None,
     overrides: str | Path | None = None,
     weights: Weights | None = None,
-    preset: str = "balanced",
+    preset: Preset = "balanced",
     kinds: Iterable[Kind] | None = None,
     scene: Scene | str | Path | None = None,
     scene_scale: float | None = None,

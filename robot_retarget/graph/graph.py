@@ -44,6 +44,12 @@ class EdgeError:
     """(d − y)/scale [-]."""
     priority: float
 
+    def __repr__(self) -> str:
+        values = (
+            f"target {self.target:.3g}, measured {self.measured:.3g}, error {self.error:.3g}, π {self.priority:.3g}"
+        )
+        return f"<EdgeError {self.name} at frame {self.frame}: {values}>"
+
 
 @dataclass(frozen=True, eq=False)
 class Graph:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field, fields, replace
 
+from robot_retarget.base.choices import Preset
 from robot_retarget.base.errors import UsageError, known
 from robot_retarget.human.match import NEAR
 
@@ -91,7 +92,7 @@ class Weights:
     def _numbers(self) -> list[tuple[str, float]]:
         return [(f.name, getattr(self, f.name)) for f in fields(self) if f.name != "bones"]
 
-    def with_preset(self, preset: str) -> "Weights":
+    def with_preset(self, preset: Preset) -> "Weights":
         """Multiply the weights of distances between keypoints by the factor of a preset.
 
         Args:

@@ -146,17 +146,20 @@ class Motion:
 
         return at_frames(self, (times - self.start_time) * self.fps, fps)
 
-    def frames(self, start: int = 0, stop: int | None = None) -> "Motion":
+    def frames(self, start: float = 0, stop: float | None = None) -> "Motion":
         """The frames start … stop − 1, a part that keeps the clip's map, floor and contacts.
 
         Args:
-            start: first frame.
-            stop: frame after the last; by default the end.
+            start: first frame; as a float, its time [s].
+            stop: frame after the last, or its time; by default the end.
 
         Raises:
             UsageError: the range is empty or leaves the clip.
         """
-        stop = len(self) if stop is None else stop
+        start, stop = (
+            round(end * self.fps) if isinstance(end, float) else int(end)
+            for end in (start, len(self) if stop is None else stop)
+        )
         if not 0 <= start < stop <= len(self):
             raise UsageError(f"frames {start}:{stop} are not within the clip's 0:{len(self)}")
         rotations = None if self.rotations is None else self.rotations[start:stop]

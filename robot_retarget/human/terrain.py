@@ -6,7 +6,6 @@ become one box. A seat is under a pelvis that rests low and behind the feet.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
@@ -18,9 +17,6 @@ from robot_retarget.human.motion import Motion
 from robot_retarget.human.surroundings import with_scene
 from robot_retarget.scene.scene import RigidBody, Scene
 from robot_retarget.scene.shape import ShapeKind, solid
-
-Terrain = Literal["flat", "auto"]
-"""Whether the ground is level, or has the steps and seats that the motion shows."""
 
 
 @dataclass(frozen=True)

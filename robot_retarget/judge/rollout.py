@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import cast, get_args
 
 from robot_retarget.actuators.goals import Goals
+from robot_retarget.base.choices import Stand
 from robot_retarget.base.errors import UsageError
 from robot_retarget.base.progress import Count, Progress
 from robot_retarget.base.untrusted.documents import NAMES
@@ -41,7 +42,7 @@ def simulate(
     trajectory: Result | Trajectory | str | Path,
     robot: Robot | str | Path | None = None,
     *,
-    mode: str = "auto",
+    mode: Stand = "auto",
     drives: Drives | str | None = "auto",
     playback: Playback | None = None,
     compensate: bool = True,

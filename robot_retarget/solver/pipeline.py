@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
+from robot_retarget.base.choices import Balance, Legs, Preset, Terrain
 from robot_retarget.base.errors import MatchError
 from robot_retarget.base.pages import card
 from robot_retarget.base.progress import Progress, consecutive
@@ -17,7 +18,6 @@ from robot_retarget.graph.weights import Weights
 from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.robot_performer import performed
-from robot_retarget.human.terrain import Terrain
 from robot_retarget.robot import Robot
 from robot_retarget.scene import Scene
 from robot_retarget.scores.likeness import Likeness, likeness_of
@@ -76,6 +76,14 @@ class Result:
         """The robot's configurations over time, with their likeness to the human's."""
         return replace(self.solution.trajectory, likeness=self.likeness.figures())
 
+    def save(self, path: str | Path) -> Path:
+        """Write the trajectory (`.npz`) and return its path.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        return self.trajectory.save(path)
+
     def __repr__(self) -> str:
         return f"<Result {self._title}: {self.likeness.sentence}>"
 
@@ -129,8 +137,8 @@ def solve(
     options: SolveOptions | None = None,
     search: Search | None = None,
     smoothing: Smoothing | None = None,
-    legs: str = "auto",
-    balance: str = "auto",
+    legs: Legs = "auto",
+    balance: Balance = "auto",
     progress: Progress | None = None,
 ) -> Result:
     """Solve a graph for the robot's joints.
@@ -179,12 +187,12 @@ def retarget(
     fps: float | None = None,
     overrides: str | Path | None = None,
     weights: Weights | None = None,
-    preset: str = "balanced",
+    preset: Preset = "balanced",
     options: SolveOptions | None = None,
     search: Search | None = None,
     smoothing: Smoothing | None = None,
-    legs: str = "auto",
-    balance: str = "auto",
+    legs: Legs = "auto",
+    balance: Balance = "auto",
     progress: Progress | None = None,
     scene: Scene | str | Path | None = None,
     scene_scale: float | None = None,
@@ -239,9 +247,9 @@ def transfer(
     *,
     fps: float | None = None,
     weights: Weights | None = None,
-    preset: str = "balanced",
-    legs: str = "auto",
-    balance: str = "off",
+    preset: Preset = "balanced",
+    legs: Legs = "auto",
+    balance: Balance = "off",
     progress: Progress | None = None,
 ) -> Result:
     """Carry the motion of one robot over to another; to itself, it is the identity within the solver's tolerance.
@@ -277,9 +285,9 @@ def carried(
     *,
     fps: float | None = None,
     weights: Weights | None = None,
-    preset: str = "balanced",
-    legs: str = "auto",
-    balance: str = "off",
+    preset: Preset = "balanced",
+    legs: Legs = "auto",
+    balance: Balance = "off",
     progress: Progress | None = None,
 ) -> Result:
     """Carry the motion of a robot performer over to a robot, as `transfer`; with balance, smoothness has its weight."""

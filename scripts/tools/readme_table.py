@@ -1,11 +1,14 @@
 """Write the table of tested robots into README.md and README.zh.md from the recorded tables of benchmarks/.
 
 python scripts/tools/readme_table.py            # write both
+python scripts/tools/readme_table.py --demo     # run the demo too, and write its output
 python scripts/tools/readme_table.py --check    # exit 1 where a README states something else
 """
 
 import re
+import subprocess
 import sys
+import tempfile
 from collections import Counter
 from pathlib import Path
 
@@ -66,21 +69,34 @@ def table(readme: str) -> str:
     return "\n".join([*lines, "", below.format(solved=recorded(suite, solved), stood=recorded(upright, stood))])
 
 
-def written(readme: str) -> str:
-    """Return a README with its block made anew."""
+def demo_block() -> str:
+    """Run the demo and return what a README shows of its output."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "robot_retarget", "demo", "--out", "demo"]
+        lines = subprocess.run(command, cwd=folder, capture_output=True, text=True).stdout.splitlines()
+    first = next(k for k, line in enumerate(lines) if line.startswith("verdict: "))
+    last = [line for line in lines if line.startswith(("played ", "wrote ", "next: "))]
+    return "\n".join([*lines[first : first + 3], "…", *last])
+
+
+def written(readme: str, demo: str = "") -> str:
+    """Return a README with its blocks made anew."""
     text = (ROOT / readme).read_text(encoding="utf-8")
+    if demo:
+        text = re.sub(r"```text\nverdict: .*?```", lambda _: f"```text\n{demo}\n```", text, count=1, flags=re.DOTALL)
     before, rest = text.split(BEGIN, 1)
     return f"{before}{BEGIN}\n\n{table(readme)}\n\n{END}{rest.split(END, 1)[1]}"
 
 
 def main() -> int:
     """Write or check both files."""
-    stale = [readme for readme in HEADS if written(readme) != (ROOT / readme).read_text(encoding="utf-8")]
+    demo = demo_block() if "--demo" in sys.argv[1:] else ""
+    stale = [readme for readme in HEADS if written(readme, demo) != (ROOT / readme).read_text(encoding="utf-8")]
     if "--check" in sys.argv[1:]:
         print("\n".join(f"{readme}: run python scripts/tools/readme_table.py" for readme in stale))
         return int(bool(stale))
     for readme in stale:
-        (ROOT / readme).write_text(written(readme), encoding="utf-8")
+        (ROOT / readme).write_text(written(readme, demo), encoding="utf-8")
     return 0
 
 

@@ -136,6 +136,6 @@ def test_what_was_asked_for_is_said_in_the_words_of_the_form(
 def test_an_edge_out_of_reach_names_the_joints_that_stop_it(solved: tuple[RobotGraph, Trajectory]) -> None:
     graph, trajectory = solved
     feet = world_points(OP3, graph.match.points, trajectory.qpos)[33, graph.match.index("l_ankle")]
-    far = {"a": "l_hand", "b": [round(float(v), 3) for v in feet + [0, 0.6, 0.5]], "at": 0, "frames": [30, 36]}
+    far = {"a": "l_hand", "b": [round(float(v), 3) for v in np.add(feet, [0, 0.6, 0.5])], "at": 0, "frames": [30, 36]}
     done = apply_edit(graph, trajectory, Edit("edge", {**far, "priority": 1e4}))
     assert any(f"; {cause}" in done.reached for cause in ("at a limit: ", "floor, separation and speeds")), done.reached

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from robot_retarget import __version__
+from robot_retarget.base.choices import Balance, Legs, Preset
 from robot_retarget.base.errors import OutputError, RobotRetargetError
 
 # The options that determine outputs, and the limits of a clip.
@@ -24,9 +25,9 @@ class Settings:
 
     fps: float | None = None
     """Frames per second of the trajectories; None takes each motion's own, 30 at most."""
-    preset: str = "balanced"
-    legs: str = "auto"
-    balance: str = "off"
+    preset: Preset = "balanced"
+    legs: Legs = "auto"
+    balance: Balance = "off"
     frames: str | None = None
     """The part of every clip that is used, `START:STOP` (`motion.span.part_of`)."""
     up: str | None = None

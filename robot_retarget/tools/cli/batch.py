@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import typer
 
+from robot_retarget.base.choices import Balance
 from robot_retarget.base.errors import OutputError, UsageError, known
 from robot_retarget.tools.cli import console
 from robot_retarget.tools.cli.command import argument, command, option, options
@@ -58,7 +59,7 @@ class BatchOptions(FollowOptions, FreezeOptions, LimitOptions, RateOptions, MapO
     mirror: bool = option("Write the mirror image of every trajectory too.", "--mirror", default=False)
     filter_file: Path | None = option("TOML file of thresholds; by default the shipped ones.", "--filter", default=None)
     pictures: int = option("Number of clips to draw that are left out, and that pass.", default=2, min=0)
-    balance: Literal["auto", "static", "dynamic", "off"] = option(BALANCE, default="off")
+    balance: Balance = option(BALANCE, default="off")
 
     def settings(self) -> "Settings":
         """Return what determines the outputs."""

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Literal
 
 import typer
 
+from robot_retarget.base.choices import Stand
 from robot_retarget.base.errors import TrajectoryError
 from robot_retarget.tools.cli import console
 from robot_retarget.tools.cli.command import argument, command, option, options
@@ -27,7 +28,7 @@ from robot_retarget.tools.cli.run import draw_warnings, save_judged, write_page
 class SimulateOptions(JudgeOptions, ServoOptions, TrajectoryOptions):
     """Simulation of a trajectory, and the files to write."""
 
-    mode: Literal["auto", "pinned", "free"] = option(
+    mode: Stand = option(
         "pinned (the pelvis is held), free (standing on a floor); auto: free if solved with balance.", default="auto"
     )
     compensate: bool = option("Send goals that compensate lag and load, or the trajectory itself.", default=True)

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from robot_retarget.base.choices import Balance, Legs, Preset, Terrain
 from robot_retarget.base.errors import UsageError
 from robot_retarget.base.untrusted.limits import zip_names
 from robot_retarget.tools.cli import console
@@ -263,7 +264,7 @@ class RateOptions:
     fps: float | None = option(
         "Frames per second of the trajectory; by default the motion's own, 30 at most.", default=None
     )
-    preset: Literal["directions", "balanced", "distances"] = option(
+    preset: Preset = option(
         "Weights: favour directions of limbs, distances between parts, or the blend that looks best.",
         "--preset",
         "--favour",
@@ -275,14 +276,14 @@ class RateOptions:
 class BalancedOptions:
     """What holds the robot upright."""
 
-    balance: Literal["auto", "static", "dynamic", "off"] = option(BALANCE, default="auto")
+    balance: Balance = option(BALANCE, default="auto")
 
 
 @options
 class FollowOptions(BalancedOptions):
     """Task of the legs."""
 
-    legs: Literal["auto", "follow", "stand"] = option(
+    legs: Legs = option(
         "follow the human's legs, or stand with both feet in place; auto follows if the result is like the human.",
         default="auto",
     )
@@ -320,7 +321,7 @@ class SceneOptions:
 class GraphOptions(SceneOptions, RateOptions, MapOptions):
     """Content of the graph of a motion on a robot."""
 
-    terrain: Literal["flat", "auto"] = option(
+    terrain: Terrain = option(
         "auto puts boxes where the human stands on steps and sits on seats; flat is a level floor.", default="flat"
     )
 

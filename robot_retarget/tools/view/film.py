@@ -14,7 +14,7 @@ from robot_retarget.base.errors import UsageError, install_line
 from robot_retarget.base.files import replacing
 from robot_retarget.robot.model import Robot
 from robot_retarget.tools.view.picture import Picture, Pixels, Unavailable, labelled, without_pillow
-from robot_retarget.tools.view.render import MOVING, STILL, Finish, open_stage
+from robot_retarget.tools.view.render import MOVING, STILL, Finish, can_render, open_stage
 from robot_retarget.tools.view.staging import Staging, arrange
 from robot_retarget.trajectory import Trajectory
 
@@ -154,7 +154,7 @@ def video(
     human: Floats | None = None,
     bones: Ints | None = None,
     *,
-    fps: float = 30.0,
+    fps: float | None = None,
     height: int = HEIGHT,
     progress: Callable[[int, int], None] | None = None,
 ) -> Film | Unavailable:
@@ -162,7 +162,7 @@ def video(
 
     Args:
         human: points and `bones` as for `strip`.
-        fps: of the film [1/s].
+        fps: of the film [1/s]; by default 30, and 10 where figures are drawn for want of OpenGL, which takes longer.
         height: of the film [pixels].
         progress: called with (frames done, frames in all).
 
@@ -171,6 +171,8 @@ def video(
         TrajectoryError: it belongs to another robot.
         OutputError: it cannot be written.
     """
+    if fps is None:
+        fps = 30.0 if can_render() else 10.0
     if not (np.isfinite(fps) and fps > 0):
         raise UsageError(f"frames per second must be positive, got {fps}")
     times = np.arange(int(trajectory.duration * fps + 1e-9) + 1) / fps

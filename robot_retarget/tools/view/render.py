@@ -49,6 +49,15 @@ def open_context(width: int, height: int) -> Any:
         )
 
 
+def can_render() -> bool:
+    """Return whether OpenGL starts on this machine."""
+    context = open_context(8, 8)
+    if isinstance(context, Unavailable):
+        return False
+    context.free()
+    return True
+
+
 def _way() -> str | Unavailable:
     """The module of mujoco to take the context from."""
     backend = os.environ.get("MUJOCO_GL", "").lower().strip()

@@ -180,23 +180,50 @@ class Viewer:
         return f'<iframe srcdoc="{html.escape(self.page)}" style="{frame}" allow="fullscreen"></iframe>'
 
 
-def view(*shown: "Take | Result", report: "Report | None" = None) -> Viewer:
-    """Look at results of `retarget`, or at takes, side by side: `.save("page.html")`, or the cell of a notebook.
+def view(
+    *shown: "Take | Result | Trajectory | str | Path",
+    report: "Report | None" = None,
+    robot: "Robot | str | Path | None" = None,
+    motion: "Motion | None" = None,
+) -> Viewer:
+    """Look at motions of robots side by side: `.save("page.html")`, or the cell of a notebook.
 
     Args:
-        report: of the first (`simulate`), for its badge and its simulated motion.
+        shown: results of `retarget`, trajectories, files that `load_trajectory` reads, or takes.
+        report: of the first (`simulate`), for its badge and its simulated motion; by default the one beside a file.
+        robot: of trajectories and files; by default the robot that they name.
+        motion: the human that trajectories and files come from, to show it too.
+
+    Raises:
+        RobotError: the robot that a trajectory names is not known: give `robot`.
+        TrajectoryError: a file cannot be read, or belongs to another robot.
     """
-    takes = tuple(
-        what if isinstance(what, Take) else _take(what, report if k == 0 else None) for k, what in enumerate(shown)
-    )
-    return Viewer(takes)
+    return Viewer(tuple(_take(what, report if k == 0 else None, robot, motion) for k, what in enumerate(shown)))
 
 
-def _take(result: "Result", report: "Report | None") -> Take:
-    warnings = result.warnings if len(result.trajectory) > 1 else None
-    return Take(
-        result.robot, result.trajectory, human_of(result.match, result.motion), warnings, report, result.solution
-    )
+def _take(
+    what: "Take | Result | Trajectory | str | Path",
+    report: "Report | None",
+    robot: "Robot | str | Path | None",
+    motion: Motion | None,
+) -> Take:
+    from robot_retarget.formats import load_trajectory
+    from robot_retarget.judge.rollout import report_beside
+    from robot_retarget.robot import as_robot
+
+    if isinstance(what, Take):
+        return what
+    if isinstance(what, Trajectory):
+        return take_of(what, as_robot(robot or what.robot), motion, report=report)
+    if isinstance(what, str | Path):
+        model = None if robot is None else as_robot(robot)
+        played = load_trajectory(what, model)
+        model = model or as_robot(played.robot)
+        return take_of(
+            played, model, motion, report=report or report_beside(Path(what), played, model), name=Path(what).name
+        )
+    warnings = what.warnings if len(what.trajectory) > 1 else None
+    return Take(what.robot, what.trajectory, human_of(what.match, what.motion), warnings, report, what.solution)
 
 
 def _asset(name: str) -> str:

@@ -1,0 +1,54 @@
+"""The first lines that a script has: look, save, cut, print."""
+
+from pathlib import Path
+from typing import get_args, get_type_hints
+
+import numpy as np
+import pytest
+from made_trajectories import wander
+
+import robot_retarget as rr
+from robot_retarget.base.files import SAMPLES
+from robot_retarget.graph.graph import EdgeError
+from robot_retarget.tools.cli import options
+
+OP3 = rr.load_robot("op3")
+
+
+def test_a_trajectory_and_its_file_are_looked_at_as_a_result_is(tmp_path: Path) -> None:
+    result = rr.retarget(rr.read_motion(SAMPLES / "wave.bvh").frames(0, 8), OP3, balance="off")
+    path = result.save(tmp_path / "wave.npz")
+    takes = rr.view(path, result.trajectory, result, str(path)).takes
+    assert len(takes) == 4 and all(np.array_equal(one.trajectory.qpos, result.trajectory.qpos) for one in takes)
+    assert rr.load_trajectory(path).qpos.tobytes() == result.trajectory.qpos.tobytes()
+
+
+def test_a_trajectory_of_an_unknown_robot_names_the_way_out() -> None:
+    from dataclasses import replace
+
+    with pytest.raises(rr.RobotRetargetError, match="nobody"):
+        rr.view(replace(wander(OP3), robot="nobody"))
+    assert rr.view(replace(wander(OP3), robot="nobody"), robot=OP3).takes[0].robot is OP3
+
+
+@pytest.mark.parametrize(("start", "stop"), [(0.5, 1.5), (0.0, 1.0), (1.0, None)])
+def test_a_part_by_times_is_the_part_by_frames(start: float, stop: float | None) -> None:
+    motion = rr.read_motion(SAMPLES / "wave.bvh")
+    first, last = round(start * motion.fps), len(motion) if stop is None else round(stop * motion.fps)
+    np.testing.assert_array_equal(motion.frames(start, stop).positions, motion.positions[first:last])
+
+
+def test_an_edge_that_costs_most_is_printed_in_one_short_line() -> None:
+    edge = EdgeError(
+        "l_hand – head", 12, np.float64(0.123456789), np.float64(0.2), np.float64(0.7654321), np.float64(4)
+    )
+    assert len(repr(edge)) < 100 and "l_hand – head" in repr(edge) and "0.123" in repr(edge) and "np." not in repr(edge)
+
+
+def test_the_shell_offers_the_words_that_python_takes() -> None:
+    shell, python = (
+        get_type_hints(options.GraphOptions) | get_type_hints(options.FollowOptions),
+        get_type_hints(rr.retarget),
+    )
+    for name in ("legs", "balance", "preset", "terrain"):
+        assert shell[name] == python[name] and len(get_args(shell[name])) > 1
