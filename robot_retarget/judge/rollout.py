@@ -119,7 +119,7 @@ def _warnings_of(played: Result | Trajectory | str | Path) -> Warnings | None:
     return played.warnings if isinstance(played, Result) and len(played.trajectory) > 1 else None
 
 
-def mode_of(trajectory: Trajectory) -> str:
+def mode_of(trajectory: Trajectory) -> Mode:
     """Return the mode in which a trajectory is judged by default: `free` if it was planned in balance, else `pinned`."""
     return "free" if trajectory.balance else "pinned"
 

@@ -35,6 +35,7 @@ from robot_retarget.tools.cli.options import (
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from robot_retarget.base.choices import Stand
     from robot_retarget.base.progress import Progress
     from robot_retarget.collision.warn import Warnings
     from robot_retarget.human.motion import Motion
@@ -233,7 +234,7 @@ def save_judged(report: "Report", trajectory: Path, where: Path) -> None:
 
 
 def judged_plain(
-    trajectory: "Trajectory", robot: "Robot", mode: str, rate: float, feedback: bool | None
+    trajectory: "Trajectory", robot: "Robot", mode: "Stand", rate: float, feedback: bool | None
 ) -> "Trajectory":
     """A trajectory with goals that are itself, `rate` a second, once they have passed; `feedback` as in `simulate`.
 
