@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.cache import cache_folder, drop_oldest, is_sound, keeping, private_cache
 from robot_retarget.base.errors import OutputError, RobotError
+from robot_retarget.base.untrusted.models import require_bounded_model
 
 # Read a robot's file to a specification: MJCF directly, URDF by MuJoCo's reader; add a missing free joint.
 
@@ -48,6 +49,7 @@ def read_spec(path: Path, freed: Quaternion | None = None) -> mujoco.MjSpec:
         RobotError: the file is no model; the message gives the place and the reason.
     """
     try:
+        require_bounded_model(path)
         spec = urdf_spec(path) if is_urdf(path) else mujoco.MjSpec.from_file(str(path))
         for part in (*rods(spec), *scene_pairs(spec)):
             spec.delete(part)

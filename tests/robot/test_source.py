@@ -190,3 +190,36 @@ def test_contact_pairs_with_the_floor_of_a_scene_are_left_out_and_stated(tmp_pat
     robot = load_robot(str(path))
     assert any("chest_floor" in note for note in robot.notes)
     assert recognise(robot).names == recognise(load_robot("op3")).names
+
+
+ASKING = {
+    "pixels": '<asset><texture name="t" type="2d" builtin="flat" width="30000" height="30000"/></asset>',
+    "heights": '<asset><hfield name="h" nrow="30000" ncol="30000" size="1 1 1 1"/></asset>',
+    "elements": '<worldbody><replicate count="10000000" offset="1 0 0"><geom size="1"/></replicate></worldbody>',
+    "elements in each other": "<a>" * 300 + "</a>" * 300,
+    "bodies": "<worldbody>" + "<body/>" * 3000 + "</worldbody>",
+    "memory": '<size memory="100G"/>',
+}
+
+
+@pytest.mark.parametrize("what", ASKING)
+@pytest.mark.parametrize("included", [False, True])
+def test_a_model_that_asks_for_gigabytes_is_refused_before_it_is_compiled(
+    what: str, included: bool, tmp_path: Path
+) -> None:
+    own = MJCF.replace("</mujoco>", f"{ASKING[what]}</mujoco>")
+    path = tmp_path / "r.xml"
+    path.write_text(MJCF.replace("</mujoco>", '<include file="part.xml"/></mujoco>') if included else own)
+    (tmp_path / "part.xml").write_text(f"<mujocoinclude>{ASKING[what]}</mujocoinclude>")
+    with pytest.raises(RobotError, match=rf"{'part' if included else 'r'}\.xml: line \d+: .*{what}.* more than"):
+        load_robot(path)
+
+
+def test_a_urdf_that_is_a_chain_without_end_or_no_text_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "r.urdf"
+    path.write_text('<robot name="r">' + "<link>" * 200_000 + "</link>" * 200_000 + "</robot>")
+    with pytest.raises(RobotError, match="elements in each other"):
+        load_robot(path)
+    path.write_bytes(b'<robot name="r\xf8"/>')
+    with pytest.raises(RobotError, match="UTF-8"):
+        load_robot(path)

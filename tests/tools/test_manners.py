@@ -125,3 +125,13 @@ def test_a_verdict_comes_before_figures_and_kept_limits_are_only_counted(capsys:
 
 def test_the_shell_can_complete_commands() -> None:
     assert "--install-completion" in CliRunner().invoke(app, ["--help"]).stdout
+
+
+def test_names_from_files_cannot_control_the_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    name = "joint\x1b[2J\x9b31m[red]"
+    console.say(name)
+    console.table(name, ("joint",), [(name,)])
+    console.note(name)
+    printed = "".join(capsys.readouterr())
+    assert printed.count("joint") == 5 and "[red]" in printed
+    assert all(c.isprintable() or c == "\n" for c in printed)

@@ -11,6 +11,7 @@ import numpy as np
 
 from robot_retarget.base.arrays import Floats, Ints
 from robot_retarget.base.errors import SceneError
+from robot_retarget.base.untrusted.models import require_bounded_model
 from robot_retarget.scene.geoms import PREFIX, mesh_of, scene_geoms
 from robot_retarget.scene.mjcf_text import FRAME
 from robot_retarget.scene.scene import RigidBody, Scene
@@ -54,6 +55,7 @@ def single(path: Path) -> BodyShape:
 
 
 def _loaded(path: Path) -> mujoco.MjModel:
+    require_bounded_model(path)
     try:
         return mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:

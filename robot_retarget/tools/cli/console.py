@@ -14,6 +14,7 @@ from rich.progress import BarColumn, ProgressColumn, TaskProgressColumn, TextCol
 from rich.progress import Progress as Bars
 from rich.segment import Segment
 from rich.table import Table
+from rich.text import Text
 
 from robot_retarget.base.errors import printable
 from robot_retarget.base.progress import Progress
@@ -38,6 +39,15 @@ class _Console(Console):
         """Leave a reader that is gone to the end of the command, which has an exit code for it."""
         raise
 
+    def print(self, *objects: Any, **options: Any) -> None:
+        """Print without the control characters of names from files, which a terminal would obey."""
+        super().print(*(plain(each) if isinstance(each, str) else each for each in objects), **options)
+
+
+def plain(text: str) -> str:
+    """Return text without control characters; lines stay."""
+    return "".join(c if c.isprintable() or c == "\n" else " " for c in text)
+
 
 # Piped output is wide, so that a row of a table stays one line.
 _WIDTH = None if sys.stdout.isatty() else 200
@@ -56,12 +66,12 @@ def set_quiet(quiet: bool) -> None:
 
 def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
     """Print rows under headings; numbers stand to the right."""
-    grid = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False)
+    grid = Table(title=plain(title), title_justify="left", title_style="bold", box=None, pad_edge=False)
     for k, column in enumerate(columns):
         numbers = bool(rows) and all(isinstance(row[k], int | float) for row in rows)
         grid.add_column(column, justify="right" if numbers else "left", overflow="fold")
     for row in rows:
-        grid.add_row(*[_cell(value) for value in row])
+        grid.add_row(*[Text(plain(_cell(value))) for value in row])
     out.print(grid)
     out.print()
 
