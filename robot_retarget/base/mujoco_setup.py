@@ -11,9 +11,9 @@ from robot_retarget.base.errors import RobotError
 OLDEST = (3, 12)
 WRONG = {
     "3.11.0": "it finds no distance between one pair of separate boxes in thirty",
-    "4.0.0": "the Newton solver's factor of sparse Hessians is wrong (fixed in 4.0.1)",
 }
-"""Versions that give wrong results, and which. The package is installed below 4: verdicts are not yet checked with it."""
+"""Versions that give wrong results, and which. Upstream says that 4.0.0 factors sparse Hessians wrongly: `tests/robot/test_versions.py`
+compares them with dense ones, on a robot of 62 and one of 50 coordinates with closed chains they agree to 3e-12 in 3.17 and 4.0.0."""
 
 
 def require_mujoco() -> None:
@@ -33,7 +33,7 @@ def check(found: str) -> None:
     oldest = ".".join(map(str, OLDEST))
     reason = WRONG.get(found, f"it is older than {oldest}" if _numbers(found) < OLDEST else "")
     if reason:
-        raise RobotError(f"MuJoCo {found} cannot be used: {reason}. Install another: pip install 'mujoco>={oldest},<4'")
+        raise RobotError(f"MuJoCo {found} cannot be used: {reason}. Install another: pip install 'mujoco>={oldest},<5'")
 
 
 def _numbers(found: str) -> tuple[int, ...]:
