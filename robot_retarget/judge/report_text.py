@@ -31,17 +31,21 @@ FACTS = (
     Fact("limb_rad", "angle of limbs to the human's", "rad", "mean angle; under 10° looks alike"),
     Fact("stride", "length of steps", "times", "the human's, scaled to the robot's legs"),
     Fact("draws", "randomised simulations", "", "with other mass, friction, servos and tilt"),
-    Fact("tracking_rms_rad", "tracking error of all joints", "rad", "measured minus planned angle (rms)"),
-    Fact("servos", "servos of the verdict", "", "the identification of the servos with the worst outcome"),
-    Fact("nominal_tracking_rms_rad", "tracking error, modelled servos", "rad", "on the servos that the goals were computed for"),
-    Fact("played_tracking_rms_rad", "tracking error, emulated bus", "rad", "on the emulated bus with its own motor models"),
-    Fact("played_worst_joint_rms_rad", "worst joint, emulated bus", "rad", "tracking error (rms)"),
-    Fact("plain_tracking_rms_rad", "tracking error, plain playback", "rad", "with goals that do not compensate lag and load"),
+    Fact("tracking_rms_rad", "tracking error of all joints", "rad", "measured minus planned angle (rms), on the servos of the verdict"),
+    Fact("servos", "servos of the verdict", "", "of the modelled, published and drawn ones those with the worst outcome"),
     Fact("zmp_margin_m", "least margin of balance", "m", "distance of the zero moment point inside the soles; below 0 the robot tips over"),
     Fact("peak_supply_current_A", "largest current", "A", "peak load of the power supply"),
     Fact("energy_J", "energy", "J", "total from the supply"),
     Fact("tracked_self_contact_share", "time in self-contact", "of all", "on the servos, intended or not"),
 )  # fmt: skip
+
+
+ELSEWHERE = {
+    "nominal_tracking_rms_rad": "modelled servos",
+    "played_tracking_rms_rad": "emulated bus",
+    "plain_tracking_rms_rad": "goals without compensation",
+}
+"""Tracking errors of the same motion that are compared with that of the verdict, in one line."""
 
 
 def headline(report: Report) -> str:
@@ -75,7 +79,12 @@ def judged_lines(report: Report) -> list[Line]:
 def facts(figures: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """Return (what, value, meaning) of every reported figure of a simulation."""
     found = ((fact, figures.get(fact.figure)) for fact in FACTS)
-    return [(fact.what, shown(value, fact.unit), fact.meaning) for fact, value in found if value is not None]
+    lines = [(fact.what, shown(value, fact.unit), fact.meaning) for fact, value in found if value is not None]
+    other = [f"{shown(figures[name], 'rad')} {on}" for name, on in ELSEWHERE.items() if figures.get(name) is not None]
+    return [
+        *lines,
+        *([("the same elsewhere", ", ".join(other), "tracking error of all joints (rms)")] if other else []),
+    ]
 
 
 def _pace(figures: Mapping[str, Any]) -> str:

@@ -136,7 +136,7 @@ def judges(plant: Plant) -> dict[str, Plant]:
 def other_drives(drives: Drives) -> dict[str, Drives]:
     """Return drives with every other published identification of their servos, and with drawn ones."""
     others = {robot for model in drives.models for robot in list(PUBLISHED.get(model, {}))[1:]}
-    found = {f"as identified on {robot}": _identified_on(robot, drives) for robot in sorted(others)}
+    found = {f"gears as {robot} measured them": _identified_on(robot, drives) for robot in sorted(others)}
     return {**found, DRAWN: drives.scaled(_factors((3, len(drives.stiffness))))}
 
 

@@ -28,6 +28,8 @@ STANDING_KEYS = ("stand", "home", "standing", "default", "initial")
 """Names of keyframes in which a robot stands on flat feet."""
 DEFAULT_RANGE = np.pi
 """A hinge without any stated range may turn this far either way [rad]."""
+ROUNDING = 1e-3
+"""A speed within this share of its bound is bounded: the solver keeps bounds to 1e-4 [-]."""
 DEFAULT_MAX_SPEED = 10.0
 """Where neither the model nor a limits file says: that of a brisk servo [rad/s]."""
 
@@ -318,6 +320,19 @@ def with_servos(robot: Robot, servo_map: ServoMap) -> Robot:
             lower[k], upper[k] = max(lower[k], low), min(upper[k], high)
             speed[k] = min(speed[k], servo_map.limits.speed)
     return replace(robot, lower=lower, upper=upper, max_speed=speed, servo_map=servo_map)
+
+
+def assumed_speed_notes(robot: Robot, angles: Floats, fps: float) -> list[str]:
+    """Return a note on joints whose motion (T, n) [rad] is as fast as their assumed bound allows, which the file does not state."""
+    top = np.abs(np.diff(angles, axis=0)).max(axis=0, initial=0.0) * fps
+    bound = (robot.max_speed == DEFAULT_MAX_SPEED) & (top > (1 - ROUNDING) * DEFAULT_MAX_SPEED)
+    if not bound.any():
+        return []
+    names = ", ".join(robot.joint_names[k] for k in np.flatnonzero(bound))
+    return [
+        f"{names}: at {DEFAULT_MAX_SPEED:g} rad/s, a bound that is assumed because the model has none; [speed] of its "
+        "limits.toml states the right one"
+    ]
 
 
 # A robot's content as a hash: included files, meshes, limits and servo map count, the place of its file does not.

@@ -196,8 +196,11 @@ def _only(robot: Robot, part: str) -> dict[int, float]:
         raise UsageError(f"only {part!r} is no part; {known(PARTS, typed=part)}")
     anatomy = recognise(robot)
     ends = [end for end in PARTS[part] if end in anatomy.sites]
-    if not ends and part == "arms":
-        raise UsageError(f"{robot.name} has no arms")
+    if not any(hand in anatomy.sites for hand in PARTS["arms"]):
+        raise UsageError(
+            f"only {part!r}: {robot.name} has no two arms that mirror each other, and a single one is not recognised; "
+            "freeze joints by name instead (--freeze)"
+        )
     limbs = {int(k) for end in ends for k in limb_hinges(robot, anatomy, end)}
     still = limbs if part == "upper" else set(range(len(robot.joint_names))) - limbs
     return {k: _standing(robot, k) for k in sorted(still)}

@@ -19,6 +19,7 @@ from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.robot_performer import performed
 from robot_retarget.robot import Robot
+from robot_retarget.robot.model import assumed_speed_notes
 from robot_retarget.scene import Scene
 from robot_retarget.scores.likeness import Likeness, likeness_of
 from robot_retarget.scores.plausibility import mismatch
@@ -69,6 +70,7 @@ class Result:
             *self.match.notes,
             *(self.balance.notes if self.balance else ()),
             *self.likeness.notes,
+            *assumed_speed_notes(self.robot, self.solution.trajectory.angles, self.solution.trajectory.fps),
         )
 
     @property

@@ -22,7 +22,7 @@ WAVING = swing(OP3, "l_sho_pitch", 0.5, 0.8, 2.0)
 def test_the_toddlerbot_identification_is_the_published_one() -> None:
     nominal = drives_of(OP3)
     assert nominal is not None
-    other = other_drives(nominal)["as identified on ToddlerBot"]
+    other = other_drives(nominal)["gears as ToddlerBot measured them"]
     for values, published in ((other.damping, 0.08), (other.friction, 0.134), (other.armature, 0.0012)):
         np.testing.assert_allclose(values, published)
     for name in ("stiffness", "stall_torque", "back_emf", "derivative"):
@@ -42,7 +42,7 @@ def test_drawn_servos_are_within_the_spread_and_the_same_every_time() -> None:
 def test_a_plant_with_other_gears_moves_as_one_built_with_them() -> None:
     nominal = drives_of(OP3)
     assert nominal is not None
-    other = other_drives(nominal)["as identified on ToddlerBot"]
+    other = other_drives(nominal)["gears as ToddlerBot measured them"]
     plants = plant_of(OP3, "pinned").with_drives(other), build_plant(OP3, "pinned", other)
     one, built = (roll_out(plant, WAVING, "pinned").qpos for plant in plants)
     np.testing.assert_array_equal(one, built)

@@ -1,5 +1,6 @@
 """Frozen joints keep their angle, in a clip, a stream, a balanced playback and a map file."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from shared_files import ROOT
 import robot_retarget as rr
 from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.robot import Robot, recognise
+from robot_retarget.robot.model import assumed_speed_notes
 from robot_retarget.robot.override import held
 
 SAMPLES = ROOT / "samples"
@@ -36,6 +38,30 @@ def test_arms_alone_move_in_a_balanced_playback_and_the_rest_stands() -> None:
     assert np.ptp(qpos[:, robot.qpos_index[~arms]], axis=0).max() == 0
     assert np.ptp(qpos[:, robot.qpos_index[arms]], axis=0).max() > 1
     assert np.ptp(qpos[:, :3], axis=0).max() < 2e-3
+
+
+@pytest.mark.parametrize("part", ["arms", "upper"])
+@pytest.mark.parametrize("arms", [0, 1])
+def test_a_robot_without_two_arms_is_told_that_no_part_is_left(part: str, arms: int, tmp_path: Path) -> None:
+    spec = rr.load_robot("op3").spec()
+    for name in ("l_sho_pitch_link", "r_sho_pitch_link")[arms:]:
+        spec.delete(spec.body(name))
+    for element in [*spec.actuators, *spec.sensors, *spec.keys, *spec.excludes]:
+        spec.delete(element)
+    (tmp_path / "armless.xml").write_text(spec.to_xml())
+    with pytest.raises(UsageError, match=f"only '{part}': armless has no two arms .*--freeze"):
+        rr.freeze(rr.load_robot(str(tmp_path / "armless.xml")), only=part)
+
+
+def test_joints_at_an_assumed_speed_are_named_and_those_at_a_stated_one_are_not() -> None:
+    robot = rr.load_robot("g1_class")
+    assumed = replace(robot, max_speed=np.full(len(robot.joint_names), 10.0))
+    angles = np.zeros((3, len(robot.joint_names)))
+    angles[1, 4] = 10 / 30 - 1e-6
+    (note,) = assumed_speed_notes(assumed, angles, 30.0)
+    assert note.startswith(f"{robot.joint_names[4]}: at 10 rad/s, a bound that is assumed") and "limits.toml" in note
+    assert not assumed_speed_notes(assumed, 0.9 * angles, 30.0)
+    assert not assumed_speed_notes(replace(robot, max_speed=assumed.max_speed + 2), angles, 30.0)
 
 
 def test_a_stream_holds_frozen_joints() -> None:
