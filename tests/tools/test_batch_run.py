@@ -228,3 +228,27 @@ def test_the_manifest_keeps_a_write_ahead_log(done: Path) -> None:
     base = sqlite3.connect(done / "manifest.sqlite")
     assert base.execute("PRAGMA journal_mode").fetchone() == ("wal",)
     base.close()
+
+
+def test_a_format_that_is_asked_for_later_is_written_without_solving_again(
+    clips: Path, done: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain = job_of(clips, tmp_path / "out")
+    run(plain)
+    before = {row.key: row for row in rows_of(plain.out)}
+    monkeypatch.setattr("robot_retarget.tools.batch.task._retargeted", None)
+    later = replace(plain, settings=Settings(formats=("csv",), mirror=True))
+    _, reported = run(later)
+    assert [one.state for one in reported] == ["done"] * 3
+    assert {row.key: row for row in rows_of(plain.out)} == before and contents(plain.out) == contents(done)
+    assert not run(later)[1]
+    (plain.out / "op3-csv/wave.csv").unlink()
+    assert [one.clip for one in run(later)[1]] == ["wave"] and contents(plain.out) == contents(done)
+
+
+def test_a_changed_file_of_frozen_joints_repeats_its_clips(tmp_path: Path) -> None:
+    (tmp_path / "bow.npz").write_bytes(b"one")
+    digests = [Settings(freeze=(f"waist={tmp_path / 'bow.npz'}",)).digest("robot")]
+    (tmp_path / "bow.npz").write_bytes(b"other")
+    digests.append(Settings(freeze=(f"waist={tmp_path / 'bow.npz'}",)).digest("robot"))
+    assert digests[0] != digests[1]

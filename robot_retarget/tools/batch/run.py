@@ -98,11 +98,11 @@ def plan_of(job: Job, manifest: Manifest) -> RunPlan:
             digests[robot, clip.name] = digest
             task = Task(str(clip.path), clip.name, name, robot, digest, str(job.out), job.settings)
             row = there.get((robot, clip.name))
-            if clip.name not in own or (
-                row and row.digest == digest and _is_kept(row, clip, task, job.retry, manifest)
-            ):
+            stays = row and row.digest == digest and _is_kept(row, clip, task, job.retry, manifest)
+            lacks = row and row.state == DONE and not all(place.is_file() for *_, place in task.further())
+            if clip.name not in own or (stays and not lacks):
                 continue
-            tasks.append(task)
+            tasks.append(replace(task, kept=row) if stays else task)
             outdated += row is not None and row.digest != digest
     return RunPlan(tuple(tasks), own, digests, outdated)
 

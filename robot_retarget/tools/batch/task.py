@@ -5,6 +5,7 @@ import json
 import resource
 import sys
 import time
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -43,9 +44,13 @@ class Settings:
     only: str | None = None
 
     def digest(self, robot_sha256: str) -> str:
-        """The sha256 of the settings, of the keypoint map, of the robot (`robot.model.digest`) and of this package's version."""
-        values = asdict(self) | {name: None for name in ("map_file", "limits")}
-        named = sha256_of(Path(self.map_file)) if self.map_file else ""
+        """The sha256 of what makes a trajectory: settings, the files that they name, the robot and this package's version.
+
+        Further formats and mirror images are written from the trajectory.
+        """
+        values = asdict(self) | dict.fromkeys(("map_file", "limits", "formats", "mirror"))
+        files = [self.map_file, *(word.partition("=")[2] for word in self.freeze)]
+        named = [sha256_of(Path(file)) for file in files if file and Path(file).is_file()]
         return hashlib.sha256(
             json.dumps([values, named, robot_sha256, __version__], sort_keys=True).encode()
         ).hexdigest()
@@ -124,11 +129,24 @@ class Task:
     """Of the clip, the robot and the settings."""
     out: str
     settings: Settings
+    kept: "Row | None" = field(default=None, compare=False)
+    """Row of a trajectory that stays, where only further files are missing."""
 
     @property
     def output(self) -> Path:
         """The trajectory's file."""
         return Path(self.out) / self.robot_name / f"{self.clip}.npz"
+
+    def further(self) -> Iterator[tuple[str, str, Path]]:
+        """Yield the files beside the trajectory: ending of the name (that of a mirror image), format, place."""
+        from robot_retarget.formats import FORMATS
+
+        for ending in ("", MIRROR) if self.settings.mirror else ("",):
+            if ending:
+                yield ending, "", self.output.with_name(f"{self.output.stem}{ending}.npz")
+            for format in self.settings.formats:
+                name = f"{self.clip}{ending}{FORMATS[format].suffix}"
+                yield ending, format, Path(self.out) / f"{self.robot_name}-{format}" / name
 
 
 @dataclass(frozen=True)
@@ -196,8 +214,16 @@ def _made(task: Task) -> dict[str, Any]:
     from robot_retarget.human.read import read_motion
     from robot_retarget.robot import freeze
     from robot_retarget.scores.score import score
+    from robot_retarget.trajectory import load_trajectory
 
     settings = task.settings
+    if task.kept is not None:
+        trajectory = load_trajectory(task.output)
+        _write_further(task, trajectory, robot_of(task.robot, settings.limits))
+        return {
+            name: getattr(task.kept, name)
+            for name in ("message", "frames", "fps", "figures", "output_sha256", "signature")
+        }
     robot = freeze(robot_of(task.robot, settings.limits), settings.freeze, settings.only)
     motion = part_of(read_motion(task.path, up=settings.up, repair=settings.repair), settings.frames)
     trajectory, notes = _retargeted(motion, robot, settings)
@@ -236,20 +262,21 @@ def robot_of(name: str, limits: str | None) -> "Robot":
 
 
 def write(task: Task, trajectory: "Trajectory", robot: "Robot") -> None:
-    """Write the trajectory, the other formats and the mirror images; every file whole or not at all."""
-    from robot_retarget.edit.cuts import mirrored
-    from robot_retarget.formats import FORMATS, export
+    """Write the trajectory and its further files; every file whole or not at all."""
+    _folder(task.output)
+    trajectory.save(task.output)
+    _write_further(task, trajectory, robot)
 
-    takes = {"": trajectory} | ({MIRROR: mirrored(trajectory, robot)} if task.settings.mirror else {})
-    for ending, take in takes.items():
-        target = task.output.with_name(f"{task.output.stem}{ending}.npz")
-        _folder(target)
-        take.save(target)
-        for format in task.settings.formats:
-            kind = FORMATS[format]
-            place = Path(task.out) / f"{task.robot_name}-{format}" / f"{task.clip}{ending}{kind.suffix}"
-            _folder(place)
-            export(take, robot, format, place)
+
+def _write_further(task: Task, trajectory: "Trajectory", robot: "Robot") -> None:
+    """Write the other formats and the mirror images of a trajectory."""
+    from robot_retarget.edit.cuts import mirrored
+    from robot_retarget.formats import export
+
+    for ending, format, place in task.further():
+        take = mirrored(trajectory, robot) if ending else trajectory
+        _folder(place)
+        export(take, robot, format, place) if format else take.save(place)
 
 
 def _folder(target: Path) -> None:
