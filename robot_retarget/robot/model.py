@@ -286,7 +286,9 @@ class _Limits:
         for table in tables.values():
             for joint in table:
                 if joint != "*" and joint not in names:
-                    raise RobotError(f"{path}: limits name the joint {joint!r}; known: {', '.join(names)}")
+                    raise RobotError(
+                        f"the limits file for {path} names the joint {joint!r}; {known(names, 40, typed=joint)}"
+                    )
 
     def column(self, key: str) -> dict[int, Any]:
         table = self.tables.get(key, {})

@@ -166,3 +166,28 @@ def test_every_command_is_said_in_one_line_of_help() -> None:
 def test_a_command_without_its_group_gets_the_whole_name() -> None:
     done = run("join", "a.npz", "b.npz")
     assert done.returncode == 2 and "robot-retarget edit join a.npz b.npz" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("view", WAVE), f"a motion, not a trajectory; robot-retarget run {WAVE}"),
+        ((WAVE,), f"a file, not a command; robot-retarget run {WAVE}"),
+        (("info", "-r", ROOT / "models/op3"), f"is a folder; models in it: {ROOT / 'models/op3/op3.xml'}"),
+        (("info", "-r", "op3", "--limits", "LIMITS"), "the limits file for "),
+        (("info", "-r", "op3", "--limits", "LIMITS"), "did you mean 'l_el'?"),
+        (("solve", WAVE, "--fps", "abc", "-o", "x.npz"), "'--fps': it takes a number\n"),
+        (("batch", WAVE, "--jobs", "0", "--out", "x"), "the number is greater than or equal to 1\n"),
+        (("solve", WAVE, "--legs", "fly", "-o", "x.npz"), "'--legs': 'fly' is not one of 'auto', 'follow', 'stand'"),
+    ],
+)
+def test_a_wrong_word_is_answered_with_what_to_do(words: tuple[object, ...], said: str, tmp_path: Path) -> None:
+    (tmp_path / "limits.toml").write_text("[range]\nl_ell = [0, 1]\n")
+    done = run(*(tmp_path / "limits.toml" if word == "LIMITS" else word for word in words))
+    assert done.returncode == 2 and said in done.stderr, done.stderr
+
+
+def test_a_trajectory_is_looked_at_on_the_robot_that_it_names(tmp_path: Path) -> None:
+    wander(load_robot("op3")).save(tmp_path / "moves.npz")
+    done = run("view", tmp_path / "moves.npz", "--static", tmp_path / "page.html")
+    assert done.returncode == 0 and (tmp_path / "page.html").is_file(), done.stderr

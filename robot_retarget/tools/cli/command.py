@@ -1,6 +1,7 @@
 """The program: commands whose options are the fields of dataclasses, and the ends other than success: a user's mistake, Ctrl-C, a defect."""
 
 import os
+import re
 import signal
 import sys
 import traceback
@@ -10,6 +11,7 @@ from contextlib import contextmanager
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from functools import wraps
 from inspect import Parameter, Signature, signature
+from pathlib import Path
 from typing import Annotated, Any, TypeVar, dataclass_transform, get_type_hints
 
 import typer
@@ -101,11 +103,24 @@ DEBUG = "ROBOT_RETARGET_DEBUG"
 NOTHING = "no file was written"
 
 
+PLAIN = (
+    (r"^Value error, ", ""),
+    (r"Input should be a valid (integer|number), .*", r"it takes a \1"),
+    (r"Input should be (greater|less) than or equal to (\S+)", r"the number is \1 than or equal to \2"),
+)
+"""Messages of a library on values that an option refuses, and what is said instead."""
+
+
 class Interruptible(TyperGroup):
     """Commands that end on Ctrl-C with a message about the files that are kept, from the exception."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Find a command; one of a group that is named without its group gets the whole name."""
+        from robot_retarget.tools.cli.options import TAKEN_BY, kind_of
+
+        if args[0] not in self.commands and Path(args[0]).is_file():
+            taken = TAKEN_BY.get(kind_of(Path(args[0])), "robot-retarget info {0} says what it is").format(args[0])
+            raise UsageError(f"{args[0]} is a file, not a command; {taken}")
         within = [name for name, own in self.commands.items() if args[0] in getattr(own, "commands", ())]
         if args[0] not in self.commands and within:
             raise UsageError(f"{args[0]} is a command of {within[0]}: robot-retarget {within[0]} {' '.join(args)}")
@@ -127,6 +142,10 @@ def _stopped() -> Iterator[None]:
         if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
             signal.signal(signal.SIGINT, _CtrlC())
         yield
+    except typer.BadParameter as refused:
+        for pattern, plain in PLAIN:
+            refused.message = re.sub(pattern, plain, refused.message)
+        raise
     except (KeyboardInterrupt, ImportError) as stopped:
         if isinstance(stopped, ImportError) and not getattr(signal.getsignal(signal.SIGINT), "pressed", False):
             raise

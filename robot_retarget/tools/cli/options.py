@@ -415,6 +415,9 @@ def load(name: str, limits: Path | None = None, servos: str | None = None) -> "R
     """Return a robot by name or file, with missing limits and servos from separate files."""
     from robot_retarget.robot import load_robot
 
+    if Path(name).is_dir():
+        models = [str(path) for path in sorted(Path(name).rglob("*")) if path.suffix.lower() in MODELS]
+        raise UsageError(f"--robot {name} is a folder; models in it: {', '.join(models[:12]) or 'none'}")
     return load_robot(name, limits, servos)
 
 

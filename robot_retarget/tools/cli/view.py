@@ -7,7 +7,15 @@ from robot_retarget.base.errors import UsageError
 from robot_retarget.tools.cli import console
 from robot_retarget.tools.cli.command import argument, command, option, options
 from robot_retarget.tools.cli.console import progress
-from robot_retarget.tools.cli.options import ForceOptions, LimitOptions, MapOptions, PrintOptions, ReadOptions, load
+from robot_retarget.tools.cli.options import (
+    ForceOptions,
+    LimitOptions,
+    MapOptions,
+    PrintOptions,
+    ReadOptions,
+    load,
+    require_trajectories,
+)
 from robot_retarget.tools.cli.run import require_source
 
 if TYPE_CHECKING:
@@ -36,8 +44,13 @@ class DrawOptions:
 class ViewOptions(ForceOptions, LimitOptions, MapOptions, ReadOptions):
     """Trajectories, their robots and their clip."""
 
-    trajectories: list[Path] = argument("Trajectories .npz, side by side.")
-    robot: list[str] = option("As for solve; once for all trajectories, or once for each of them.", "--robot", "-r")
+    trajectories: list[Path] = argument("Trajectories .npz, side by side.", callback=require_trajectories)
+    robot: list[str] | None = option(
+        "As for solve; once for all trajectories, or once for each of them; by default the robot that each names.",
+        "--robot",
+        "-r",
+        default=None,
+    )
     motion: Path | None = option("The clip that they come from, to show the human too.", default=None)
     simulated: Literal["pinned", "free"] | None = option(
         "Play them on simulated servos before, pinned or free, unless a report is next to them; by default the report's mode.",
@@ -94,7 +107,8 @@ def _takes(viewed: ViewOptions, clip: "Motion | None") -> "tuple[Take, ...]":
     from robot_retarget.judge.rollout import report_beside, simulate
     from robot_retarget.tools.view.web.take import file_names, take_of
 
-    trajectories, robots, mode = viewed.trajectories, viewed.robot, viewed.simulated
+    trajectories, mode = viewed.trajectories, viewed.simulated
+    robots = viewed.robot or [load_trajectory(path).robot for path in trajectories]
     if len(robots) not in (1, len(trajectories)):
         raise UsageError(f"--robot is given once, or {len(trajectories)} times; got {len(robots)}")
     models = {name: load(name, viewed.limits) for name in robots}
