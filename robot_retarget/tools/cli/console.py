@@ -191,12 +191,13 @@ def _show_stress(facts: dict[str, Any]) -> None:
 def show_report(report: "Report") -> None:
     """Print a report: verdict, reasons, limits and other figures."""
     from robot_retarget.judge.report_text import facts, headline, judged_lines
+    from robot_retarget.tools.view.page import advice
 
     colour = {"pass": "green", "unlike": "yellow", "fail": "red"}[report.badge.level]
     out.print(f"\nverdict: [bold {colour}]{report.badge.text}[/]", markup=True)
     say(headline(report))
-    for reason in (*report.reasons, *report.unlike):
-        say(f"  {reason}")
+    for sentence in (*report.reasons, *report.unlike, *advice(report)):
+        say(f"  {sentence}")
     lines = judged_lines(report)
     broken = [line[1:] for line in lines if not line.held]
     if broken:

@@ -64,7 +64,7 @@ def save_page(
         motion=played.source or "a trajectory",
         headline=headline(report),
         reasons=(*report.reasons, *report.unlike),
-        advice=_advice(report.figures) if report.reasons else [],
+        advice=advice(report),
         **_film(film),
         lines=lines,
         broken=broken,
@@ -80,8 +80,11 @@ def save_page(
     return write_text(path, page)
 
 
-def _advice(f: Any) -> list[str]:
-    """Return advice on failures that an option can prevent, a sentence each."""
+def advice(report: Report) -> list[str]:
+    """Return what prevents the failures of a report, a sentence each."""
+    f: Any = report.figures
+    if not report.reasons:
+        return []
     advice = []
     if f.get("fall_s") is not None:
         advice.append("To stay upright: keep both feet in place (--legs stand), or use balance (--balance static).")
