@@ -17,9 +17,8 @@ from robot_retarget.base.errors import SceneError, TrajectoryError
 from robot_retarget.base.files import replacing
 from robot_retarget.base.pages import card, data_frame
 from robot_retarget.base.untrusted.arrays import Field, read_fields
-from robot_retarget.scene.pack import FIELDS as SCENE_FIELDS
-from robot_retarget.scene.pack import arrays_of, scene_from
-from robot_retarget.scene.scene import Scene
+from robot_retarget.scene.scene import FIELDS as SCENE_FIELDS
+from robot_retarget.scene.scene import Scene, arrays_of, scene_from
 
 FORMAT_VERSION = 3
 """1: without `source_time` and goals. 2: without `source_sha256`, and `source_time` counts from the first frame used. Both are read."""

@@ -40,7 +40,7 @@ LIBRARIES = {
     "mujoco": (
         "robot/",
         "scene/geoms.py",
-        "scene/formats/mjcf.py",
+        "scene/mjcf.py",
         "judge/",
         "scores/",
         "tools/view/",
@@ -48,7 +48,7 @@ LIBRARIES = {
         "formats/mujoco_files.py",
         "servo/twin.py",
         "servo/emulator/__init__.py",
-        "live/sinks/physics.py",
+        "live/sinks.py",
     ),
     "dynamixel_sdk": ("servo/bus.py",),
     "typer": ("tools/cli/",),

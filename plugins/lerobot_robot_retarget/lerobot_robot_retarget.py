@@ -17,7 +17,7 @@ from lerobot.robots import Robot, RobotConfig
 from lerobot.utils.errors import DeviceAlreadyConnectedError, DeviceNotConnectedError
 
 from robot_retarget.actuators.map import load_map
-from robot_retarget.live.sinks.servos import ServoSink
+from robot_retarget.live.sinks import ServoSink
 from robot_retarget.robot import load_robot
 from robot_retarget.servo.live import follow
 from robot_retarget.servo.outcome import PlaybackOutcome

@@ -15,7 +15,7 @@ from robot_retarget.robot.catalog import Played, as_robot, on_robot
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import resample
 from robot_retarget.scene import Scene, read_scene
-from robot_retarget.scene.mjcf_text import mjcf_file
+from robot_retarget.scene.mjcf import mjcf_file
 from robot_retarget.scene.shape import ShapeKind
 from robot_retarget.trajectory import Trajectory
 from robot_retarget.trajectory import load_trajectory as load_native

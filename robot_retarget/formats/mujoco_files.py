@@ -17,7 +17,7 @@ from robot_retarget.formats.source import TrajectoryFormat, TrajectorySource
 from robot_retarget.robot.model import Robot
 from robot_retarget.scene import read_scene
 from robot_retarget.scene.geoms import PREFIX
-from robot_retarget.scene.mjcf_text import mjcf_text
+from robot_retarget.scene.mjcf import mjcf_text
 
 # Format `mujoco-keyframes`: an MJCF file of keyframes, a frame each, to be included in the robot's.
 #

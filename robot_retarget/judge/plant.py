@@ -14,8 +14,7 @@ from robot_retarget.judge.bodies import SimulatedBodies
 from robot_retarget.judge.servo_model import Drives
 from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.robot.model import Robot
-from robot_retarget.scene.geoms import PREFIX
-from robot_retarget.scene.ground import SolidGround
+from robot_retarget.scene.geoms import PREFIX, SolidGround
 
 Mode = Literal["pinned", "free"]
 

@@ -10,9 +10,7 @@ import numpy as np
 from robot_retarget.base.arrays import Bools, Floats
 from robot_retarget.base.errors import UsageError
 from robot_retarget.human.readers.headset import JOINTS, HeldBody
-from robot_retarget.live.faults import Fault, FaultCounter, RefusedError
-from robot_retarget.live.frame import Frame
-from robot_retarget.live.protocols.clock import SenderClock
+from robot_retarget.live.frame import Fault, FaultCounter, Frame, RefusedError, SenderClock
 
 POLL = 1e-3
 """Pause between two questions [s]; a frame is this much later at most."""

@@ -12,8 +12,7 @@ import numpy as np
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import MatchError
 from robot_retarget.human.skeleton import Skeleton
-from robot_retarget.live.faults import Fault
-from robot_retarget.live.frame import Frame
+from robot_retarget.live.frame import Fault, Frame
 from robot_retarget.live.receiver import FrameSource
 
 

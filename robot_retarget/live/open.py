@@ -9,13 +9,12 @@ from pathlib import Path
 from robot_retarget.base.errors import UsageError, install_line
 from robot_retarget.human.read import read_motion
 from robot_retarget.human.skeleton import Skeleton
-from robot_retarget.live.faults import FaultCounter
+from robot_retarget.live.frame import FaultCounter
 from robot_retarget.live.headsets import HEADSETS, HeadsetSource
+from robot_retarget.live.messages import FloatDecoder, LineDecoder
+from robot_retarget.live.motion_files import Replay
 from robot_retarget.live.ports import InputPort, StdinPort, TcpPort, UdpPort
-from robot_retarget.live.protocols.floats import FloatDecoder
-from robot_retarget.live.protocols.lines import LineDecoder
 from robot_retarget.live.receiver import FrameSource, Receiver
-from robot_retarget.live.replay import Replay
 from robot_retarget.scene import Scene
 
 RECEIVED = ("vmc", "json", "floats")
@@ -62,7 +61,7 @@ def opened(
         return Replay(motion if scene is None else motion.with_scene(scene), faults, speed)
     known = None if skeleton is None else read_motion(skeleton).skeleton
     if source == "vmc":
-        from robot_retarget.live.protocols.vmc import PORT, VmcDecoder
+        from robot_retarget.live.vmc import PORT, VmcDecoder
 
         if tcp or known:
             raise UsageError("vmc is UDP and names its bones: leave out --tcp and --skeleton")

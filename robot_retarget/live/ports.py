@@ -9,7 +9,7 @@ from collections import deque
 from typing import NamedTuple, Protocol
 
 from robot_retarget.base.errors import UsageError
-from robot_retarget.live.faults import Fault, FaultCounter
+from robot_retarget.live.frame import Fault, FaultCounter
 
 NEWEST = 16_384
 """Bytes of the latest datagrams that are read when more wait [B]: two frames with all bones and a face."""

@@ -4,8 +4,7 @@ import time
 from typing import Protocol
 
 from robot_retarget.human.skeleton import Skeleton
-from robot_retarget.live.faults import Fault, FaultCounter, RefusedError
-from robot_retarget.live.frame import Frame
+from robot_retarget.live.frame import Fault, FaultCounter, Frame, RefusedError
 from robot_retarget.live.ports import InputPort, Packet
 
 TAKEOVER = 1.0

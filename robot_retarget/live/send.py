@@ -14,11 +14,9 @@ from pythonosc.osc_message_builder import OscMessageBuilder
 
 from robot_retarget.base.errors import UsageError, known
 from robot_retarget.human.motion import Motion
-from robot_retarget.live.protocols.bones import unity_place, unity_turn
-from robot_retarget.live.protocols.floats import packed
-from robot_retarget.live.protocols.humanoid import humanoid
-from robot_retarget.live.protocols.lines import line_of, skeleton_line
-from robot_retarget.live.protocols.vmc import BONE, OK, PORT, ROOT, TIME
+from robot_retarget.live.bones import humanoid, unity_place, unity_turn
+from robot_retarget.live.messages import line_of, packed, skeleton_line
+from robot_retarget.live.vmc import BONE, OK, PORT, ROOT, TIME
 
 Packets = Callable[[int, float], list[bytes]]
 """Returns the packets of a frame, given its number and time stamp [s]."""

@@ -15,7 +15,7 @@ from robot_retarget.base.arrays import Bools, Floats, Ints, cross, unit
 from robot_retarget.robot.kinematics import Points, body_frames, integrate, world_points
 from robot_retarget.robot.model import SLIDE, Robot
 from robot_retarget.robot.support import CORNERS, Feet, Planes, feet_of, level_planes, planes_through, support
-from robot_retarget.scene.ground import SolidGround
+from robot_retarget.scene.geoms import SolidGround
 from robot_retarget.trajectory import Trajectory
 
 NEAR = 0.002

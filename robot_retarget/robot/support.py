@@ -22,7 +22,7 @@ from robot_retarget.robot.anatomy import Anatomy
 from robot_retarget.robot.kinematics import Points
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.recognise import recognise
-from robot_retarget.scene.ground import filled
+from robot_retarget.scene.geoms import filled
 
 # The feet of a robot: the bodies that may stand on the floor, and the corners of their soles.
 

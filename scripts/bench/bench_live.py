@@ -20,13 +20,13 @@ import robot_retarget as rr
 from robot_retarget.actuators.goals import RATE
 from robot_retarget.actuators.map import load_map
 from robot_retarget.base.files import SAMPLES
-from robot_retarget.live.faults import FaultCounter
+from robot_retarget.live.frame import FaultCounter
 from robot_retarget.live.loop import LivePose, Loop
 from robot_retarget.live.ports import UdpPort
-from robot_retarget.live.protocols.vmc import VmcDecoder
 from robot_retarget.live.receiver import Receiver
 from robot_retarget.live.send import send
-from robot_retarget.live.sinks.servos import ServoSink, run_servos
+from robot_retarget.live.sinks import ServoSink, run_servos
+from robot_retarget.live.vmc import VmcDecoder
 from robot_retarget.servo.play import emulator_process
 
 HOST = "127.0.0.1"

@@ -241,12 +241,11 @@ def live_target(folder: Path, more: list[Path]) -> Target:
     """Packets of performers: VMC, lines of JSON, floats."""
     from robot_retarget.base.files import SAMPLES
     from robot_retarget.human.read import read_motion
-    from robot_retarget.live.faults import FaultCounter, RefusedError
-    from robot_retarget.live.protocols.floats import FloatDecoder
-    from robot_retarget.live.protocols.lines import LineDecoder
-    from robot_retarget.live.protocols.vmc import VmcDecoder
+    from robot_retarget.live.frame import FaultCounter, RefusedError
+    from robot_retarget.live.messages import FloatDecoder, LineDecoder
     from robot_retarget.live.receiver import Decoder
     from robot_retarget.live.send import PROTOCOLS
+    from robot_retarget.live.vmc import VmcDecoder
 
     motion = read_motion(SAMPLES / "wave.bvh").frames(0, 4)
     for name, encoder in PROTOCOLS.items():

@@ -14,7 +14,7 @@ from robot_retarget.base.files import SAMPLES
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import read_motion
 from robot_retarget.human.skeleton import Skeleton
-from robot_retarget.live.faults import FaultCounter
+from robot_retarget.live.frame import FaultCounter
 from robot_retarget.live.ports import Packet, UdpPort
 from robot_retarget.live.receiver import Decoder, Receiver
 from robot_retarget.live.send import send

@@ -11,7 +11,7 @@ from headset_sessions import isaac_session, performer, poses_of, record, their_s
 
 from robot_retarget.base.errors import UsageError
 from robot_retarget.human.motion import Motion
-from robot_retarget.live.faults import Fault, FaultCounter
+from robot_retarget.live.frame import Fault, FaultCounter
 from robot_retarget.live.headsets import HeadsetSource, IsaacHeadset, XrtHeadset
 from robot_retarget.live.open import opened
 

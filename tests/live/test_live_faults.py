@@ -14,17 +14,14 @@ from hypothesis import strategies as st
 from performers import HOST, Said, Script, Swing, clip, frames_for, listening, performing
 
 from robot_retarget.base.files import SAMPLES
-from robot_retarget.live.faults import Fault, FaultCounter, RefusedError
-from robot_retarget.live.frame import Frame
+from robot_retarget.live.frame import Fault, FaultCounter, Frame, RefusedError, SenderClock
 from robot_retarget.live.loop import Loop, Patience
+from robot_retarget.live.messages import HEAD, MAGIC, FloatDecoder, LineDecoder, line_of, skeleton_line
 from robot_retarget.live.open import opened
 from robot_retarget.live.ports import NEWEST, Packet, TcpPort, UdpPort
-from robot_retarget.live.protocols.clock import SenderClock
-from robot_retarget.live.protocols.floats import HEAD, MAGIC, FloatDecoder
-from robot_retarget.live.protocols.lines import LineDecoder, line_of, skeleton_line
-from robot_retarget.live.protocols.vmc import VmcDecoder
 from robot_retarget.live.receiver import Decoder, Receiver
 from robot_retarget.live.send import PROTOCOLS
+from robot_retarget.live.vmc import VmcDecoder
 from robot_retarget.robot import load_robot
 
 MOTION = clip()

@@ -14,24 +14,22 @@ from robot_retarget.base.errors import UsageError
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.recognition import recognise
 from robot_retarget.human.skeleton import forward, forward_once
-from robot_retarget.live.faults import FaultCounter
-from robot_retarget.live.frame import Frame
-from robot_retarget.live.protocols.bones import (
+from robot_retarget.live.bones import (
     BONES,
     OPTIONAL,
     PASSED_OVER,
+    humanoid,
     mean_offsets,
     place_of,
     turn_of,
     unity_place,
     unity_turn,
 )
-from robot_retarget.live.protocols.floats import FloatDecoder
-from robot_retarget.live.protocols.humanoid import humanoid
-from robot_retarget.live.protocols.lines import LineDecoder
-from robot_retarget.live.protocols.vmc import VmcDecoder
+from robot_retarget.live.frame import FaultCounter, Frame
+from robot_retarget.live.messages import FloatDecoder, LineDecoder
 from robot_retarget.live.receiver import Decoder
 from robot_retarget.live.send import PROTOCOLS, sending
+from robot_retarget.live.vmc import VmcDecoder
 
 numbers = st.floats(-3, 3)
 

@@ -12,13 +12,10 @@ from performers import Answer, Swing, clip
 
 from robot_retarget.actuators.map import Servo, ServoMap, load_map
 from robot_retarget.base.errors import MotionError, ServoError
-from robot_retarget.live.calibration import load_calibration, save_calibration
-from robot_retarget.live.faults import FaultCounter
+from robot_retarget.live.frame import FaultCounter
 from robot_retarget.live.loop import Loop
-from robot_retarget.live.replay import Replay
-from robot_retarget.live.sinks.lines import LineSink
-from robot_retarget.live.sinks.physics import PhysicsSink
-from robot_retarget.live.sinks.servos import ServoSink, run_servos
+from robot_retarget.live.motion_files import Replay, load_calibration, save_calibration
+from robot_retarget.live.sinks import LineSink, PhysicsSink, ServoSink, run_servos
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.contacts import replay_contacts
 from robot_retarget.servo.cycle import Guard

@@ -19,8 +19,8 @@ from shared_files import ROOT
 from robot_retarget.actuators.map import load_map
 from robot_retarget.base.files import SAMPLES
 from robot_retarget.live.loop import Loop
-from robot_retarget.live.protocols.lines import line_of, skeleton_line
-from robot_retarget.live.protocols.vmc import VmcDecoder
+from robot_retarget.live.messages import line_of, skeleton_line
+from robot_retarget.live.vmc import VmcDecoder
 from robot_retarget.robot import load_robot
 from robot_retarget.solver.stream import Stream
 

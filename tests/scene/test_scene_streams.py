@@ -15,8 +15,8 @@ from robot_retarget.graph.track import Status
 from robot_retarget.human.match import match
 from robot_retarget.human.surroundings import LiveScene
 from robot_retarget.human.terrain import with_terrain
-from robot_retarget.live.faults import FaultCounter
-from robot_retarget.live.protocols.lines import LineDecoder, line_of, skeleton_line
+from robot_retarget.live.frame import FaultCounter
+from robot_retarget.live.messages import LineDecoder, line_of, skeleton_line
 from robot_retarget.scene.scene import RigidBody, Scene
 from robot_retarget.scene.shape import ShapeKind, solid
 from robot_retarget.solver.stream import Stream, StreamPose

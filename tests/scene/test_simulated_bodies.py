@@ -7,8 +7,7 @@ import pytest
 
 import robot_retarget as rr
 from robot_retarget.base.errors import SceneError, UsageError
-from robot_retarget.scene.pack import FIELDS, OPTIONAL, arrays_of, scene_from
-from robot_retarget.scene.scene import RigidBody, Scene
+from robot_retarget.scene.scene import FIELDS, OPTIONAL, RigidBody, Scene, arrays_of, scene_from
 from robot_retarget.scene.shape import ShapeKind, height_field, mesh, solid
 from robot_retarget.trajectory import load_trajectory
 

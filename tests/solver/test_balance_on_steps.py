@@ -16,7 +16,7 @@ from robot_retarget.judge.rollout import plant_of, simulate
 from robot_retarget.judge.stance import zero_moment_point
 from robot_retarget.robot.dynamics import ground_push, planned_stance, root_dofs
 from robot_retarget.robot.support import feet_of, planes_through
-from robot_retarget.scene.ground import SolidGround
+from robot_retarget.scene.geoms import SolidGround
 from robot_retarget.scene.scene import RigidBody, Scene
 from robot_retarget.scene.shape import ShapeKind, solid
 from robot_retarget.solver.balance.footsteps import foothold_places

@@ -17,7 +17,7 @@ from robot_retarget.graph.describe import RobotGraph, graph_from
 from robot_retarget.human.features import require_own_feet
 from robot_retarget.human.resample import at_frames
 from robot_retarget.robot import Robot
-from robot_retarget.scene.ground import SolidGround
+from robot_retarget.scene.geoms import SolidGround
 from robot_retarget.scores.likeness import likeness_of
 from robot_retarget.solver.balance.balanced_ik import BalancedIk, balanced_stand, in_place, posed_in_place, stand_places
 from robot_retarget.solver.balance.footsteps import (

@@ -15,7 +15,7 @@ from robot_retarget.base.arrays import Floats, intervals, leftward, smoothstep, 
 from robot_retarget.base.errors import BalanceError
 from robot_retarget.contact.rule import over_lowest, without_flicker
 from robot_retarget.graph.soles import flattened, laid, lengths
-from robot_retarget.scene.ground import SolidGround, filled
+from robot_retarget.scene.geoms import SolidGround, filled
 
 # The feet on which the robot stands during a clip: the human's labels, adapted to flat hard soles.
 #

@@ -15,7 +15,7 @@ from robot_retarget.graph.soles import flattened, heading
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.support import Planes, Polygon, joined, level_planes, planes_through, support
 from robot_retarget.robot.timing import sample
-from robot_retarget.scene.ground import SolidGround
+from robot_retarget.scene.geoms import SolidGround
 from robot_retarget.solver.balance.balanced_ik import BalancedIk, balanced_stand, stand_places
 from robot_retarget.solver.balance.footsteps import GAP, foothold_places, gaps, laid_on
 from robot_retarget.trajectory import Trajectory

@@ -130,8 +130,8 @@ class StreamRun:
 
     def loop(self, sink: "Sink") -> "Loop":
         """The loop into a sink."""
-        from robot_retarget.live.calibration import load_calibration
         from robot_retarget.live.loop import Loop
+        from robot_retarget.live.motion_files import load_calibration
         from robot_retarget.solver.stream import Stream
 
         path = self.calibrate
@@ -160,7 +160,7 @@ class StreamRun:
 
     def save_calibration(self, loop: "Loop") -> None:
         """Save the calibration of the performer if a file for it is given."""
-        from robot_retarget.live.calibration import save_calibration
+        from robot_retarget.live.motion_files import save_calibration
 
         learnt = getattr(loop.stream, "calibration", None)
         if self.calibrate is not None and learnt is not None:
@@ -194,7 +194,7 @@ def _scene_of(how: StreamOptions, target: str) -> "Scene | None":
 def _to_stdout(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str, Any], int]:
     import sys
 
-    from robot_retarget.live.sinks.lines import LineSink
+    from robot_retarget.live.sinks import LineSink
 
     return poses.run(LineSink(sys.stdout)), 0
 
@@ -242,7 +242,7 @@ def _reachable(host: str) -> str:
 
 
 def _to_physics(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str, Any], int]:
-    from robot_retarget.live.sinks.physics import PhysicsSink
+    from robot_retarget.live.sinks import PhysicsSink
 
     sink = PhysicsSink(poses.robot, place.mode, place.window)
     try:
@@ -254,7 +254,7 @@ def _to_physics(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str,
 
 def _to_servos(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str, Any], int]:
     from robot_retarget.base.files import require_writable
-    from robot_retarget.live.sinks.servos import ServoSink, run_servos
+    from robot_retarget.live.sinks import ServoSink, run_servos
     from robot_retarget.servo.play import emulator_process
 
     servo_map = _map_of(poses.robot, place.servos)

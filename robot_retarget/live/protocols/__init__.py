@@ -1,1 +1,0 @@
-"""What performers speak: one file a protocol, each a decoder of bytes into frames."""

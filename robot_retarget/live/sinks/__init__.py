@@ -1,1 +1,0 @@
-"""What poses are for: lines, a page, simulated servos, real ones."""

@@ -1,1 +1,0 @@
-"""Readers of scene files and of poses over time."""
