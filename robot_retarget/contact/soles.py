@@ -11,7 +11,7 @@ from robot_retarget.base.arrays import Bools, Floats
 from robot_retarget.base.keypoints import SIDES
 from robot_retarget.contact.rule import SOLES, on_surface, standing
 from robot_retarget.robot import Anatomy, Points, Robot, world_points
-from robot_retarget.scene.ground import SolidGround
+from robot_retarget.scene.geoms import SolidGround
 from robot_retarget.scene.scene import Scene
 
 
