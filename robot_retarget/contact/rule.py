@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import median_filter, minimum_filter1d, uniform_filter1d
 
-from robot_retarget.base.arrays import Bools, Floats
+from robot_retarget.base.arrays import Bools, Floats, intervals
 
 WINDOW = 0.6
 """A body touches the floor at least once in twice this time, because no jump lasts longer [s]."""
@@ -29,6 +29,8 @@ class ContactRule:
     """Contacts and gaps no longer than this are noise [s]."""
     averaged: float = 0.1
     """Time over which speeds are averaged [s]: one tenth, so that the frame rate does not matter."""
+    brief: float = 0.067
+    """Time in which a short contact is slow [s]: three frames at 30 a second."""
     floor: float = 0.02
     """Quantile of the heights that is the floor: lower ones are outliers [-]."""
     high: float = 0.12
@@ -66,6 +68,8 @@ robot itself keeps every joint within 2e-3 rad; with speeds of 0.3 and 0.4, feet
 def standing(points: Floats, height: Floats, fps: float, rule: ContactRule = JOINTS) -> Bools:
     """Detect when a point stands, from the whole clip.
 
+    A contact that is too short for the average of the speed stands throughout its time on the surface.
+
     Args:
         points: (T, 3) [leg lengths].
         height: (T,) above the surface [leg lengths].
@@ -75,8 +79,27 @@ def standing(points: Floats, height: Floats, fps: float, rule: ContactRule = JOI
     Returns:
         (T,) True while the point stands.
     """
-    enter, stay = rule.triggers(speed_of(points, fps, rule), height)
-    return without_flicker(entered_runs(enter, stay), fps, rule)
+    stands = entered_runs(*rule.triggers(speed_of(points, fps, rule), height))
+    found = stands.copy()
+    for start, stop in intervals(touching_down(points, height, fps, rule)):
+        found[start:stop] |= not stands[start:stop].any()
+    return without_flicker(found, fps, rule)
+
+
+def touching_down(points: Floats, height: Floats, fps: float, rule: ContactRule = JOINTS) -> Bools:
+    """Detect when a point is on a surface: near it, and slow in some window of `rule.brief` that holds the frame.
+
+    Arguments and result are those of `standing`, whose frames are fewer: there a foot that lands or leaves is too fast.
+    """
+    if len(points) < 2:
+        return height < rule.enter_height
+    step = np.linalg.norm(np.diff(points, axis=0), axis=-1) * fps
+    width = min(max(1, round(rule.brief * fps)), len(step))
+    slow = np.convolve(step, np.full(width, 1 / width), mode="valid")
+    least = np.full(len(points), np.inf)
+    for offset in range(width + 1):
+        least[offset : offset + len(slow)] = np.minimum(least[offset : offset + len(slow)], slow)
+    return entered_runs(*rule.triggers(least, height))
 
 
 def on_surface(heights: Floats, rule: ContactRule = JOINTS) -> Bools:
