@@ -10,7 +10,7 @@ from math import exp
 import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, Ints, lengths
-from robot_retarget.contact.rule import JOINTS, ContactRule, over_lowest, standing, without_flicker
+from robot_retarget.contact.rule import JOINTS, ContactRule, over_lowest, standing, touching_down, without_flicker
 
 PARTS = ("toe", "ankle")
 """Keypoints of a foot, in the order of the columns of a schedule."""
@@ -54,6 +54,20 @@ def contact_schedule(
         if f"{side}_toe" not in points:
             stands[:, 0] = stands[:, 1]
     return found
+
+
+def in_the_air(
+    points: Mapping[str, Floats], leg: float, fps: float, given: Bools | None = None, rule: ContactRule = JOINTS
+) -> Bools:
+    """Return (T,) whether neither toe nor ankle of any foot is on the ground; arguments as of `contact_schedule`."""
+    if given is not None:
+        return ~given.any(axis=1)
+    down = []
+    for part in PARTS:
+        places = [points[f"{side}_{part}"] / leg for side in "lr" if f"{side}_{part}" in points]
+        floor = rule.floor_height(np.array(places)[..., 2]) if places else 0.0
+        down += [touching_down(place, place[:, 2] - floor, fps, rule) for place in places]
+    return ~np.any(down, axis=0) if down else np.zeros(len(next(iter(points.values()))), dtype=bool)
 
 
 def on_soles(contacts: Mapping[str, Bools], segments: Mapping[str, Floats]) -> dict[str, Bools]:

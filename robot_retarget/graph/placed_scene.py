@@ -40,10 +40,13 @@ class RootScaling:
     """Index of the pelvis among the keypoints; None uses the mean of all."""
 
     def path(self, human: HumanFeatures) -> Floats:
-        """Return (T, 3) target positions of the pelvis [m]."""
+        """Return (T, 3) target positions of the pelvis [m]; in flight it falls freely, in the human's time."""
         x = human.positions
         where = x.mean(axis=1) if self.pelvis is None else x[:, self.pelvis]
-        return (where - self.origin) * self.ratio
+        path = (where - self.origin) * self.ratio
+        if human.falls is not None:
+            path[:, 2] += human.falls[:, 1] - self.ratio * human.falls[:, 0]
+        return path
 
 
 def root_scaling_of(human: HumanFeatures, match: Match) -> RootScaling:

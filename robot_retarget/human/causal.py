@@ -118,7 +118,9 @@ class CausalFeatures:
         axes = calibration.axes(x[None], None if rotations is None else rotations[None])
         contacts = on_soles(self.contacts.step(level, seconds), calibration.named(axes))
         free = near and near.without_stances(contacts)
-        return HumanFeatures(x[None], axes, contacts, _NOT, _NOT, calibration, known.fps, known.ankle_height, free)
+        return HumanFeatures(
+            x[None], axes, contacts, _NOT, _NOT, calibration, known.fps, known.ankle_height, around=free
+        )
 
     def _take_leap_back(self, x: Floats, seconds: float) -> None:
         """Shift keypoints (K, 3) along the floor, from this frame on, where a leap of the body begins."""

@@ -4,10 +4,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.constants import g
 
 from robot_retarget.base.arrays import Bools, Floats, Ints, intervals, leftward
 from robot_retarget.base.errors import BalanceError
-from robot_retarget.contact.feet import contact_schedule, high_feet, on_soles
+from robot_retarget.contact.feet import contact_schedule, high_feet, in_the_air, on_soles
 from robot_retarget.contact.rule import JOINTS, lowest_over_time, without_flicker
 from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion
@@ -22,6 +23,11 @@ from robot_retarget.human.segments import (
     visible_segments,
 )
 from robot_retarget.human.touches import Surroundings, surroundings_of
+
+FALL = 0.4
+"""Flights of five captures have the acceleration g within 0.22 of it; the pelvis is not the centre of mass [-]."""
+FEWEST = 2
+"""Frames of the shortest flight."""
 
 # Activity of the feet: in place, stepping, flight, or supported by an object that the robot does not have.
 
@@ -224,6 +230,9 @@ class HumanFeatures:
     fps: float
     ankle_height: float = 0.0
     """Height of the lowest ankle above the floor while it stands [m]."""
+    falls: Floats | None = None
+    """(T, 2) in flight, the height of the pelvis over the line from take-off to landing, and that of free fall; 0 elsewhere [m].
+    None where it is not looked at, as in a stream."""
     around: Surroundings | None = None
     """The bodies around, where the human touches them, and the ground under the feet; None without a scene."""
 
@@ -266,6 +275,7 @@ class HumanFeatures:
             contacts={foot: stands[frames] for foot, stands in self.contacts.items()},
             supported=self.supported[frames],
             flying=self.flying[frames],
+            falls=None if self.falls is None else self.falls[frames],
             around=None if self.around is None else self.around.at(frames),
         )
 
@@ -292,9 +302,42 @@ def features_of(motion: Motion, match: Match) -> HumanFeatures:
         calibration,
         fps,
         _ankle_height(level, match),
+        falls_of(x, match, in_the_air(match.named(level), match.human_leg, fps, clip.contacts), fps),
         None if around is None else around.without_stances(contacts),
     )
     return whole.at(motion.span)
+
+
+def falls_of(x: Floats, match: Match, airborne: Bools, fps: float) -> Floats:
+    """Return (T, 2) how far the pelvis is over the line from take-off to landing, and a body in free fall; 0 out of flights [m].
+
+    With z the height of the pelvis, a and b the frames before and after a flight and τ the time since a,
+
+        own = z(τ) − z(a) − (z(b) − z(a)) τ/T,    fall = g τ (T − τ) / 2,    T the time from a to b.
+
+    A flight is a time in the air in which the human falls: frames at its ends are left out until the parabola that fits the
+    pelvis has an acceleration within `FALL` of g.
+
+    Args:
+        x: (T, K, 3) keypoints over level ground [m].
+        match: keypoints that human and robot share.
+        airborne: (T,) whether no foot is on the ground.
+        fps: frames per second [1/s].
+    """
+    falls = np.zeros((len(x), 2))
+    if "pelvis" not in match.keypoints:
+        return falls
+    z = x[:, match.index("pelvis"), 2]
+    for start, stop in intervals(airborne):
+        while start > 0 and stop < len(z) and stop - start >= FEWEST:
+            time = np.arange(stop - start + 2) / fps
+            own = z[start - 1 : stop + 1]
+            if abs(2 * np.polyfit(time, own, 2)[0] + g) < FALL * g:
+                falls[start - 1 : stop + 1, 0] = own - np.interp(time, time[[0, -1]], own[[0, -1]])
+                falls[start - 1 : stop + 1, 1] = g * time * (time[-1] - time) / 2
+                break
+            start, stop = start + 1, stop - 1
+    return falls
 
 
 def _ankle_height(x: Floats, match: Match) -> float:

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
+from scipy.constants import g
 from scipy.ndimage import gaussian_filter1d
 
 from robot_retarget.base.arrays import Bools, Floats
@@ -168,6 +169,8 @@ class SmoothnessKind(Kind):
         if context.robot.floating:
             height = gaussian_filter1d(pelvis_path(human, context.match)[:, 2], BOUNCE * human.fps, mode="nearest")
             bend[1:-1, names.index(UP)] = np.diff(height, 2)
+            if human.falls is not None:
+                bend[human.falls[:, 1] > 0, names.index(UP)] = -g / human.fps**2
         ends = [(name, "second difference") for name in names]
         return exact(self, ends, bend, kappa, _scales(context, weights.smooth_root, weights.smooth_turn))
 

@@ -1,0 +1,55 @@
+"""Flights: where no foot of the human is on the ground and the body falls, the robot's root falls freely in the same time."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.constants import g
+
+import robot_retarget as rr
+from robot_retarget.base.files import SAMPLES
+from robot_retarget.graph.describe import RobotGraph
+
+BEGIN, TIME = 0.7, 0.4
+"""Of a hop [s]."""
+
+
+@cache
+def hop(robot: str, acceleration: float = g) -> RobotGraph:
+    """A squat that is lifted from the floor for `TIME` by a parabola."""
+    motion = rr.read_motion(SAMPLES / "wave.bvh")
+    since = np.arange(len(motion)) / motion.fps - BEGIN
+    rise = acceleration * np.clip(since * (TIME - since), 0, None) / 2
+    lifted = replace(motion, positions=motion.positions + rise[:, None, None] * [0.0, 0.0, 1.0])
+    return rr.describe(lifted, robot)
+
+
+@pytest.mark.parametrize("robot", ["op3", "g1_class"])
+def test_the_path_of_a_robot_of_any_size_falls_freely_in_the_humans_time(robot: str) -> None:
+    graph = hop(robot)
+    first, last = (round((BEGIN + share * TIME) * graph.fps) for share in (0.15, 0.85))
+    height = graph.pelvis[:, 2]
+    fall = np.diff(height, 2)[first - 1 : last - 1] * graph.fps**2
+    np.testing.assert_allclose(fall, -g, rtol=0.05)
+    assert height.max() - height[: first // 2].max() == pytest.approx(g * TIME**2 / 8, rel=0.2)
+
+
+def test_the_ground_has_no_flights() -> None:
+    falls = rr.describe(SAMPLES / "walk.bvh", "op3").human.falls
+    assert falls is not None and not falls.any()
+
+
+@pytest.mark.parametrize("acceleration", [0.3 * g, 2.5 * g])
+def test_a_body_that_rises_otherwise_than_in_free_fall_keeps_its_scaled_path(acceleration: float) -> None:
+    graph = hop("op3", acceleration)
+    assert graph.human.falls is not None and not graph.human.falls.any()
+
+
+def test_the_solved_robot_falls_freely_between_take_off_and_landing() -> None:
+    """The root within 5 % of g, by the parabola that fits its height best."""
+    graph = hop("g1_class")
+    first, last = (round((BEGIN + share * TIME) * graph.fps) for share in (0.1, 0.9))
+    solved = rr.solve(graph.frames(first - 15, last + 15)).trajectory.qpos[15 : 15 + last - first, 2]
+    acceleration = 2 * np.polyfit(np.arange(len(solved)) / graph.fps, solved, 2)[0]
+    assert acceleration == pytest.approx(-g, rel=0.05)
