@@ -1,18 +1,20 @@
-"""The keypoints of a human and of a robot, frame by frame."""
+"""The keypoints of a human and of a robot, frame by frame: angles between their bones, and the angles that ranges of joints allow."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.base.arrays import Floats, unit
+from robot_retarget.base.arrays import Bools, Floats, Ints, unit
 from robot_retarget.human.match import Match, match_bodies, path_weights, recognition_with
 from robot_retarget.human.motion import Motion
 from robot_retarget.robot import Anatomy, Points, Robot, override, recognise_with, world_points
+from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.trajectory import Trajectory
 
 PARTS = {"arms": ("elbow", "hand"), "trunk": ("chest",), "legs": ("knee", "ankle")}
@@ -52,11 +54,10 @@ class Pair:
 
     def bone_angles(self, compared: Collection[str] = tuple(PARTS)) -> dict[str, Floats]:
         """Per bone of the compared `PARTS` (T,) the angle between the human's and the robot's, by the keypoint in which it ends [rad]."""
-        ends, parents = {end for part in compared for end in PARTS[part]}, self.match.parents.tolist()
+        index, parents = self.match.index, self.match.parents
         return {
-            keypoint: angles_between(*(x[:, k] - x[:, parent] for x in self.seen))
-            for k, (keypoint, parent) in enumerate(zip(self.match.keypoints, parents, strict=True))
-            if parent >= 0 and keypoint.split("_")[-1] in ends
+            keypoint: angles_between(*(x[:, index(keypoint)] - x[:, parents[index(keypoint)]] for x in self.seen))
+            for keypoint in compared_bones(self.match, compared)
         }
 
     def closeness(self, first: ArrayLike, second: ArrayLike) -> tuple[Floats, Floats]:
@@ -69,6 +70,13 @@ class Pair:
         return found[0], found[1]
 
 
+def compared_bones(match: Match, parts: Collection[str]) -> list[str]:
+    """Return the bones of some `PARTS` that both bodies have, by the keypoint in which they end."""
+    ends = {end for part in parts for end in PARTS[part]}
+    both = zip(match.keypoints, match.parents.tolist(), strict=True)
+    return [keypoint for keypoint, parent in both if parent >= 0 and keypoint.split("_")[-1] in ends]
+
+
 def angles_between(one: Floats, other: Floats) -> Floats:
     """(…) the angles arccos(û · v̂) between vectors (…, 3) [rad]."""
     return np.arccos(np.clip((unit(one) * unit(other)).sum(axis=-1), -1.0, 1.0))
@@ -76,6 +84,144 @@ def angles_between(one: Floats, other: Floats) -> Floats:
 
 def _about_z(angles: Floats) -> Floats:
     return Rotation.from_euler("z", angles[:, None]).as_matrix()
+
+
+MOMENTS = (2.0, 40)
+"""The bound of a clip is found at this many moments a second, and at most at this many in all: angles vary slowly."""
+ROUNDS = 25
+"""Steps of a descent to the bound; angles change by less than 0.05° after 20 on the shipped clips."""
+DRAWN = 3
+"""Drawn starts, in addition to the played pose, the standing pose and the middle of the ranges."""
+FLAT = 0.05
+"""Angles below this count by their squares [rad]: the sum of angles has no slope at 0."""
+
+
+def best_bone_angles(robot: Robot, match: Match, human: Floats, played: Floats, fps: float) -> dict[str, Floats]:
+    """Return, per bone of `PARTS`, the angles (M,) to the human's that ranges of joints alone allow, at M moments [rad].
+
+    Minimise Σ_b θ_b over the hinges, within their ranges, and the turn of the root. Gauss–Newton steps with reweighted chords
+    descend from the played pose, the standing pose, and the middle of the ranges; the least sum counts. Balance, collisions,
+    speeds, contacts and couplings of hinges are left out.
+
+    Args:
+        human: (T, K, 3) keypoints of the human [m].
+        played: (T, nq) configurations.
+        fps: frames per second [1/s].
+    """
+    bones = compared_bones(match, tuple(PARTS))
+    if not bones or not len(human):
+        return {}
+    rate, most = MOMENTS
+    count = int(np.clip(len(human) / fps * rate, 1, min(most, len(human))))
+    at = np.round(np.linspace(0, len(human) - 1, count)).astype(int)
+    pairs = np.array([(match.index(k), match.parents[match.index(k)]) for k in bones])
+    seen = np.einsum("tij,tkj->tki", _about_z(-match.heading(human[at])), human[at])
+    middle = np.array(robot.standing())
+    ranged = np.isfinite(robot.upper - robot.lower)
+    middle[robot.qpos_index[ranged]] = (robot.lower + robot.upper)[ranged] / 2
+    poses = [robot.standing(), middle, *_drawn_poses(robot, DRAWN)]
+    starts = np.concatenate([played[at], *(np.tile(pose, (count, 1)) for pose in poses)])
+    wanted = np.tile(unit(seen[:, pairs[:, 0]] - seen[:, pairs[:, 1]]), (len(poses) + 1, 1, 1))
+    angles = _Descent(robot, match, pairs).run(starts, wanted).reshape(len(poses) + 1, count, -1)
+    best = angles[angles.sum(axis=2).argmin(axis=0), np.arange(count)]
+    return dict(zip(bones, best.T, strict=True))
+
+
+def _drawn_poses(robot: Robot, count: int) -> list[Floats]:
+    """Return standing poses with hinges drawn within their ranges, π either way where they have none."""
+    low, high = np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi)
+    poses = np.tile(robot.standing(), (count, 1))
+    poses[:, robot.qpos_index] = low + (high - low) * np.random.default_rng(0).random((count, len(low)))
+    return list(poses)
+
+
+class _Descent:
+    """Descends from many configurations at once to the directions of bones."""
+
+    def __init__(self, robot: Robot, match: Match, pairs: Ints):
+        self._robot, self._pairs, self._points = robot, pairs, match.points
+        hips = {"l_hip", "r_hip"} <= set(match.keypoints)
+        self._hips = [match.index(k) for k in ("l_hip", "r_hip")] if hips else None
+        self._dofs = np.concatenate([root_dofs(robot)[3:6] if robot.floating else [], robot.dof_index]).astype(int)
+        self._free = len(self._dofs) - len(robot.dof_index)
+        self._data = mujoco.MjData(robot.model)
+
+    def run(self, qpos: Floats, wanted: Floats) -> Floats:
+        """Return angles (N, B) [rad] after the descent from qpos (N, nq) to unit directions (N, B, 3)."""
+        q, damping = self._within(qpos), np.full(len(qpos), 1e-2)
+        bones, slopes = self._bones(q)
+        for k in range(ROUNDS):
+            error = bones - wanted
+            flat = FLAT ** min(1.0, k / 12)
+            weight = 1 / np.maximum(angles_between(bones, wanted), flat)
+            gradient = np.einsum("nb,nbid,nbi->nd", weight, slopes, error)
+            hessian = np.einsum("nb,nbid,nbie->nde", weight, slopes, slopes, optimize=True)
+            stuck = self._stuck(q, gradient)
+            gradient[stuck] = 0.0
+            hessian[stuck] = 0.0
+            hessian.swapaxes(1, 2)[stuck] = 0.0
+            diagonal = np.arange(len(self._dofs))
+            hessian[:, diagonal, diagonal] += damping[:, None] + stuck
+            trial = self._moved(q, -np.linalg.solve(hessian, gradient[..., None])[..., 0])
+            found, more = self._bones(trial)
+            better = _flat_sum(angles_between(found, wanted), flat) < _flat_sum(angles_between(bones, wanted), flat)
+            q[better], bones[better], slopes[better] = trial[better], found[better], more[better]
+            damping = np.where(better, damping / 3, 4 * damping)
+        return angles_between(bones, wanted)
+
+    def _bones(self, qpos: Floats) -> tuple[Floats, Floats]:
+        """Return unit directions of the bones (N, B, 3), seen from the hip line, and their slopes (N, B, 3, D)."""
+        model, data, points = self._robot.model, self._data, self._points
+        places, moves = np.empty((len(qpos), len(points), 3)), np.zeros((len(qpos), len(points), 3, model.nv))
+        for n, q in enumerate(qpos):
+            data.qpos[:] = q
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_comPos(model, data)
+            for k, (body, offset) in enumerate(zip(points.bodies, points.offsets, strict=True)):
+                places[n, k] = data.xpos[body] + data.xmat[body].reshape(3, 3) @ offset
+                mujoco.mj_jac(model, data, moves[n, k], None, places[n, k], int(body))
+        moves = moves[..., self._dofs]
+        ends, starts = self._pairs.T
+        vectors, slopes = places[:, ends] - places[:, starts], moves[:, ends] - moves[:, starts]
+        if self._hips is not None:
+            left, right = self._hips
+            line, turn = places[:, left] - places[:, right], moves[:, left] - moves[:, right]
+            heading = np.arctan2(-line[:, 0], line[:, 1])
+            rate = line[:, 0, None] * turn[:, 1] - line[:, 1, None] * turn[:, 0]
+            rate /= np.maximum((line[:, :2] ** 2).sum(axis=1), 1e-12)[:, None]
+            slopes = slopes - np.cross([0.0, 0.0, 1.0], vectors)[..., None] * rate[:, None, None]
+            back = _about_z(-heading)
+            vectors = np.einsum("nij,nbj->nbi", back, vectors)
+            slopes = np.einsum("nij,nbjd->nbid", back, slopes)
+        length = np.maximum(np.linalg.norm(vectors, axis=2, keepdims=True), 1e-9)
+        directions = vectors / length
+        along = np.einsum("nbi,nbid->nbd", directions, slopes)
+        return directions, (slopes - directions[..., None] * along[:, :, None]) / length[..., None]
+
+    def _within(self, qpos: Floats) -> Floats:
+        robot, found = self._robot, np.array(qpos)
+        found[:, robot.qpos_index] = np.clip(found[:, robot.qpos_index], robot.lower, robot.upper)
+        return found
+
+    def _stuck(self, qpos: Floats, gradient: Floats) -> Bools:
+        """(N, D) whether a hinge is at an end of its range that the descent would leave."""
+        robot, hinges = self._robot, qpos[:, self._robot.qpos_index]
+        found = np.zeros(gradient.shape, dtype=bool)
+        slope = gradient[:, self._free :]
+        found[:, self._free :] = ((hinges <= robot.lower) & (slope > 0)) | ((hinges >= robot.upper) & (slope < 0))
+        return found
+
+    def _moved(self, qpos: Floats, step: Floats) -> Floats:
+        found, velocity = np.array(qpos), np.zeros((len(qpos), self._robot.model.nv))
+        velocity[:, self._dofs] = np.clip(step, -0.5, 0.5)
+        for q, v in zip(found, velocity, strict=True):
+            mujoco.mj_integratePos(self._robot.model, q, v, 1.0)
+        return self._within(found)
+
+
+def _flat_sum(angles: Floats, flat: float) -> Floats:
+    """(N,) sums of angles (N, B), squares where they are small [rad]."""
+    return np.where(angles < flat, angles**2 / (2 * flat) + flat / 2, angles).sum(axis=1)
 
 
 @dataclass(frozen=True)
