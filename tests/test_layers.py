@@ -26,7 +26,7 @@ LAYERS = {
     "collision": {"trajectory", "robot", "scene"},
     "solver": {"contact", "trajectory", "robot", "human", "graph", "scores", "scene", "collision"},
     "papers": {"human", "graph"},
-    "judge": {"trajectory", "robot", "solver", "actuators", "collision", "scene"},
+    "judge": {"scores", "trajectory", "robot", "solver", "actuators", "collision", "scene"},
     "servo": {"actuators", "trajectory", "scene"},
     "formats": {"actuators", "trajectory", "human", "robot", "scene"},
     "edit": {"contact", "trajectory", "robot", "human", "graph", "solver", "formats", "judge", "scene"},

@@ -14,7 +14,7 @@ import numpy as np
 from robot_retarget.base.arrays import Ints
 from robot_retarget.base.errors import RobotError, UsageError
 from robot_retarget.judge.bodies import Objects, SimulatedBodies
-from robot_retarget.judge.plant import PLAY, Mode, Plant, limb_inertia, places_of, set_mechanics
+from robot_retarget.judge.plant import HARD, PLAY, Mode, Plant, limb_inertia, places_of, set_mechanics, soles_and_floor
 from robot_retarget.judge.servo_model import Drives
 from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.dynamics import root_dofs
@@ -29,8 +29,6 @@ OPEN_STIFFNESS = 20.0
 """Where no torque bound is known, an added servo swings its limb at this rate without damping [rad/s]."""
 DAMPING_RATIO = 0.7
 """Damping of an added servo, as a part of critical."""
-HARD = 0.004
-"""Time constant of a sole's contact with the floor [s]; MuJoCo's default of 0.02 is a cushion."""
 HEAVY = 1e6
 """A held root is this many times as heavy as the robot: limbs cannot move it, gravity cannot let it fall."""
 MOST = 0.1
@@ -169,8 +167,7 @@ def _add_drives(spec: mujoco.MjSpec, robot: Robot, drives: Drives) -> list[str]:
 
 def _harden_floor(model: mujoco.MjModel, robot: Robot) -> None:
     """Soles on the floor settle within `HARD`: on a softer contact a foot creeps along under no more than its servos' jolts."""
-    own = np.isin(model.geom_bodyid, [0, *feet_of(robot).all_bodies])
-    soft = own & (model.geom_solref[:, 0] > HARD)
+    soft = soles_and_floor(model, robot) & (model.geom_solref[:, 0] > HARD)
     model.geom_solref[soft] = HARD, 1.0
 
 
@@ -228,6 +225,11 @@ def add_play(spec: mujoco.MjSpec, robot: Robot, backlash: float) -> None:
             solref_limit=[STOP, 1.0], solimp_limit=[IMPEDANCE, IMPEDANCE, 0.001, 0.5, 2.0], armature=ARMATURE,
             stiffness=0.0, damping=0.0, frictionloss=0.0, springdamper=[0.0, 0.0], ref=0.0, springref=0.0,
         )  # fmt: skip
+
+
+def single_hinges(robot: Robot) -> bool:
+    """Return whether every body has one hinge at most, so that a play fits between each hinge and its link."""
+    return bool(np.unique(robot.model.jnt_bodyid[robot.joint_ids], return_counts=True)[1].max(initial=0) <= 1)
 
 
 def _require_single(robot: Robot) -> None:

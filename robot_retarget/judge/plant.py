@@ -9,15 +9,20 @@ import mujoco
 import numpy as np
 
 from robot_retarget.actuators.map import ServoMap
-from robot_retarget.base.arrays import Floats, Ints
+from robot_retarget.base.arrays import Bools, Floats, Ints
 from robot_retarget.judge.bodies import SimulatedBodies
 from robot_retarget.judge.servo_model import Drives
 from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.robot.model import Robot
+from robot_retarget.robot.support import feet_of
 from robot_retarget.scene.geoms import PREFIX, SolidGround
 
 Mode = Literal["pinned", "free"]
 
+HARD = 0.004
+"""Time constant of a sole's contact with the floor [s]; MuJoCo's default of 0.02 is a cushion."""
+LEAST_SUPPLY = 9.5 / 12
+"""Of the servos' nominal voltage [-]: an XM430 of 12 V shuts down below 9.5 V (e-Manual, Min Voltage Limit)."""
 PLAY = "play of "
 """Names of the passive hinges begin with this."""
 
@@ -52,6 +57,16 @@ class Places:
         return found
 
 
+@dataclass(frozen=True)
+class Supply:
+    """A supply whose voltage falls under load: V = V₀ − R I."""
+
+    voltage: float
+    """V₀ [V]."""
+    resistance: float
+    """R [Ω]."""
+
+
 @dataclass(frozen=True, eq=False)
 class Plant:
     """A compiled model whose only actuators are position servos on hinges."""
@@ -65,6 +80,8 @@ class Plant:
     """The servos; None if the model keeps its own actuators."""
     bodies: SimulatedBodies | None = None
     """The bodies around the robot; None without a scene."""
+    supply: Supply | None = None
+    """Of the servos; None for one of constant voltage."""
 
     @cached_property
     def places(self) -> Places:
@@ -118,19 +135,41 @@ class Plant:
         return bounds
 
     def with_own_model(self) -> "Plant":
-        """Return a plant that shares no model with others if its friction changes from step to step, else itself."""
-        varies = self.drives is not None and self.drives.gears is not None
+        """Return a plant that shares no model with others if its friction or supply changes from step to step, else itself."""
+        varies = self.drives is not None and (self.drives.gears is not None or self.supply is not None)
         return replace(self, model=copy.copy(self.model)) if varies else self
 
     def step(self, data: mujoco.MjData, count: int) -> None:
         """Advance the physics by some steps."""
         drives = self.drives
+        if drives is not None and self.supply is not None:
+            self._sag(data, drives, self.supply)
         if drives is None or drives.gears is None:
             mujoco.mj_step(self.model, data, count)
             return
         for _ in range(count):
             drives.gears.apply(self.model, data, self.dofs, drives.friction, drives.back_emf)
             mujoco.mj_step(self.model, data)
+
+    def _sag(self, data: mujoco.MjData, drives: Drives, supply: Supply) -> None:
+        """Set the torque of the servos to that at the supply's voltage under the load of the last step."""
+        model, driven = self.model, self.driven
+        servos, (stall, stiffness, derivative) = self.servos[driven], self._at_nominal
+        force, speed = data.qfrc_actuator[self.dofs], data.qvel[self.dofs]
+        duty = force[driven] / model.actuator_forcerange[servos, 1]
+        current = np.maximum(duty * drives.current(force, speed)[driven], 0.0).sum()
+        share = max((supply.voltage - supply.resistance * float(current)) / drives.voltage, LEAST_SUPPLY)
+        model.actuator_forcerange[servos] = share * stall[:, None] * [-1.0, 1.0]
+        model.actuator_gainprm[servos, 0] = share * stiffness
+        model.actuator_biasprm[servos, 1] = -share * stiffness
+        model.actuator_biasprm[servos, 2] = -share * derivative
+
+    @cached_property
+    def _at_nominal(self) -> tuple[Floats, Floats, Floats]:
+        """Force range, stiffness and derivative (d,) of the driven hinges at the servos' voltage."""
+        model, servos = self.model, self.servos[self.driven]
+        gains, bias = model.actuator_gainprm[servos, 0], model.actuator_biasprm[servos, 2]
+        return np.array(model.actuator_forcerange[servos, 1]), np.array(gains), np.array(-bias)
 
     def with_drives(self, drives: Drives) -> "Plant":
         """Return the plant with the gears and rotors of other drives; their motors are the same."""
@@ -204,3 +243,8 @@ def limb_inertia(robot: Robot, model: mujoco.MjModel | None = None) -> Floats:
     for column, unit in zip(columns, np.eye(chosen.nv), strict=True):
         mujoco.mj_mulM(chosen, data, column, unit)
     return np.diag(columns)[places.dofs[robot.dof_index]]
+
+
+def soles_and_floor(model: mujoco.MjModel, robot: Robot) -> Bools:
+    """Return which geoms are those of the world and of the feet, whose contacts are the floor's."""
+    return np.isin(model.geom_bodyid, [0, *feet_of(robot).all_bodies])

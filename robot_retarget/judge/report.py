@@ -31,11 +31,12 @@ from robot_retarget.judge.figures import (
 from robot_retarget.judge.plant import Mode, Plant
 from robot_retarget.judge.playback import Rollout
 from robot_retarget.judge.stance import contact_figures, stance_figures, stance_of
-from robot_retarget.judge.verdict import Badge, Thresholds, badge_of, judge, unlikeness
+from robot_retarget.judge.verdict import Badge, Thresholds, at_edge, badge_of, cures, judge, near_limits
 from robot_retarget.robot.contacts import Contacts
 from robot_retarget.robot.dynamics import Stance, planned_stance
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.support import feet_of
+from robot_retarget.scores.likeness import unlikeness
 from robot_retarget.trajectory import Trajectory
 
 # Score of the warnings: contacts on the servos that were predicted, and warnings that came true.
@@ -119,6 +120,11 @@ class Report:
         object.__setattr__(self, "series", {name: frozen(values) for name, values in self.series.items()})
 
     @property
+    def cures(self) -> tuple[str, ...]:
+        """What helps against the reasons, a sentence each."""
+        return cures(self.figures, self.thresholds)
+
+    @property
     def badge(self) -> Badge:
         """The verdict with its conditions, worded and coloured alike in every output."""
         return badge_of(self.reasons, self.unlike, self.figures)
@@ -173,6 +179,7 @@ class Report:
             {
                 "verdict": self.verdict,
                 "reasons": list(self.reasons),
+                "cures": list(self.cures),
                 "figures": dict(self.figures),
                 "trajectory_sha256": self.trajectory_sha256,
                 "robot": self.robot,
@@ -252,6 +259,10 @@ def build_report(
         "notes": [*plant.notes, *_choices(played)],
     }
     reasons, unlike = judge(figures, thresholds), unlikeness(figures, thresholds)
+    figures |= {"at_edge": at_edge(figures, thresholds), "near_limits": near_limits(figures, thresholds)}
+    figures["notes"] = [*figures["notes"], *figures["near_limits"]]
+    if figures.get("not_standing"):
+        figures["notes"].append(f"no robot plays this standing on its own feet: {figures['not_standing']}")
     series = {**_tracks(tracking, at_frames(trajectory, robot, played.plain), plant), **_stands(stance)}
     series["simulated"] = _poses(rollout, tracking.times)
     touched = touches(own_contacts(rollout, robot, until), rollout.times, robot)

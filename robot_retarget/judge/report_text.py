@@ -4,7 +4,9 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from robot_retarget.judge.report import Report
-from robot_retarget.judge.verdict import CHECKS, UNLIKE, shown
+from robot_retarget.judge.verdict import CHECKS
+from robot_retarget.scores.figure import shown
+from robot_retarget.scores.likeness import UNLIKE, compared_figures
 
 
 class Line(NamedTuple):
@@ -29,8 +31,17 @@ FACTS = (
     Fact("duration_s", "length", "s", "of the robot's motion, including the stands before and after"),
     Fact("slowdown", "slowdown", "times", "the length of the human's clip; 1 is the human's own pace"),
     Fact("limb_rad", "angle of limbs to the human's", "rad", "mean angle; under 10° looks alike"),
+    *(
+        fact
+        for part in ("arms", "trunk", "legs")
+        for fact in (
+            Fact(f"limb_rad_{part}", f"angle of {part}", "rad", "mean angle to the human's"),
+            Fact(f"limb_rad_{part}_best", f"least angle of {part}", "rad", "that ranges of joints alone allow"),
+        )
+    ),
+    Fact("pace", "speed", "times", "the human's, each in its own legs: length of steps over slowdown"),
     Fact("stride", "length of steps", "times", "the human's, scaled to the robot's legs"),
-    Fact("draws", "randomised simulations", "", "with other mass, friction, servos and tilt"),
+    Fact("draws", "randomised simulations", "", "with other mass, friction, servos, supply, floor and tilt"),
     Fact("tracking_rms_rad", "tracking error of all joints", "rad", "measured minus planned angle (rms), on the servos of the verdict"),
     Fact("servos", "servos of the verdict", "", "of the modelled, published and drawn ones those with the worst outcome"),
     Fact("zmp_margin_m", "least margin of balance", "m", "distance of the zero moment point inside the soles; below 0 the robot tips over"),
@@ -55,6 +66,9 @@ def headline(report: Report) -> str:
         return f"The simulation broke down at {figures['unstable_s']:g} s of {figures['duration_s']:.1f} s."
     if figures.get("fall_s") is not None:
         return f"The robot falls over at {max(figures['fall_s'], 0):.1f} s of {figures['duration_s']:.1f} s."
+    if report.reasons:
+        came = "It stays on its feet" if "fall_s" in figures else "Held by the pelvis, it plays to the end"
+        return f"{came}, but does not pass: {report.reasons[0]}."
     came = (
         "The robot stays on its feet to the end" if "fall_s" in figures else "Held by the pelvis, it plays to the end"
     )
@@ -65,7 +79,7 @@ def headline(report: Report) -> str:
 
 def judged_lines(report: Report) -> list[Line]:
     """Return every judged figure with its limit."""
-    figures = report.figures
+    figures = compared_figures(report.figures)
     lines = [Line(figures["unstable_s"] is None, "the simulation runs to its end")]
     if "fall_s" in figures:
         lines.append(Line(figures["fall_s"] is None, "it stays up, and nothing but the feet touches the floor"))
@@ -73,6 +87,11 @@ def judged_lines(report: Report) -> list[Line]:
         value, most = figures.get(check.figure), getattr(report.thresholds, check.threshold)
         if value is not None:
             lines.append(Line(value <= most, check.what, shown(value, check.unit), shown(most, check.unit)))
+    if figures.get("zmp_margin_m") is not None:
+        margin, least = figures["zmp_margin_m"], report.thresholds.zmp_margin
+        lines.append(
+            Line(margin >= least, "least margin of balance", shown(margin, "m"), f"at least {shown(least, 'm')}")
+        )
     return lines
 
 

@@ -14,7 +14,7 @@ from robot_retarget.base.progress import Count, Progress
 from robot_retarget.base.untrusted.documents import NAMES
 from robot_retarget.collision.warn import Warnings
 from robot_retarget.judge.bodies import Objects
-from robot_retarget.judge.build import build_plant
+from robot_retarget.judge.build import build_plant, single_hinges
 from robot_retarget.judge.compensate import compensated
 from robot_retarget.judge.feedback import has_feedback, with_feedback
 from robot_retarget.judge.figures import fall_figures
@@ -23,7 +23,17 @@ from robot_retarget.judge.playback import Playback, Rollout, plain_goals, roll_o
 from robot_retarget.judge.report import Report, SimulatedTrajectory, build_report, series_of
 from robot_retarget.judge.servo_model import Drives, drives_of
 from robot_retarget.judge.verdict import Thresholds
-from robot_retarget.judge.worlds import NOMINAL, WORLDS, Draw, drawn, judges, run_trials, trial_figures, worst_trial
+from robot_retarget.judge.worlds import (
+    BACKLASH,
+    NOMINAL,
+    WORLDS,
+    Draw,
+    drawn,
+    judges,
+    run_trials,
+    trial_figures,
+    worst_trial,
+)
 from robot_retarget.judge.worlds import draws as drawn_worlds
 from robot_retarget.robot.catalog import on_robot
 from robot_retarget.robot.contacts import replay_contacts
@@ -166,8 +176,11 @@ def _fallen(
     plant: Plant, trajectory: Trajectory, playback: Playback | None, worlds: int, count: Count
 ) -> tuple[bool, ...]:
     """Return whether the robot falls in each of `worlds` drawn simulations."""
-    command, draws = trajectory.goals, drawn_worlds(worlds)
-    found = rollouts(plant, trajectory, draws, playback=playback, command=command, count=count)
+    command, draws, loose = trajectory.goals, drawn_worlds(worlds), plant
+    if plant.drives is not None and not plant.places.play.size and single_hinges(plant.robot):
+        scene, objects = trajectory.scene, "free" if plant.bodies is not None and plant.bodies.free else "carried"
+        loose = build_plant(plant.robot, "free", plant.drives, BACKLASH, scene, objects)
+    found = rollouts(loose, trajectory, draws, playback=playback, command=command, count=count)
     return tuple(_fell(world, plant.robot, trajectory) for world in found)
 
 

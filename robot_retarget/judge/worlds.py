@@ -11,7 +11,7 @@ from robot_retarget.actuators.goals import Goals
 from robot_retarget.actuators.motors import PUBLISHED
 from robot_retarget.base.arrays import Floats
 from robot_retarget.judge.figures import at_frames, fall_figures
-from robot_retarget.judge.plant import Mode, Plant
+from robot_retarget.judge.plant import HARD, Mode, Plant, Supply, soles_and_floor
 from robot_retarget.judge.playback import Playback, Rollout, roll_out
 from robot_retarget.judge.servo_model import Drives
 from robot_retarget.trajectory import Trajectory
@@ -20,6 +20,10 @@ from robot_retarget.trajectory import Trajectory
 
 WORLDS = 10
 """Drawn simulations of a motion that stands free, by default."""
+BACKLASH = np.radians(0.25)
+"""Of servos in drawn simulations, either way [rad], times a factor: .1–.4°; the data sheets of the XM430 and XL430 state 0.25°."""
+RESISTANCE = 0.1
+"""Of battery and leads [Ω]: three cells of 10 mΩ and 2 m of cable of 0.5 mm²."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,10 @@ class Draw:
     """The floor's tilt about x and y [rad]."""
     backlash: float = 1.0
     """Times the backlash of every joint, where the plant has it."""
+    voltage: float | None = None
+    """Of the supply without load, over the servos' nominal one [-]; None leaves the nominal one, constant."""
+    floor: float | None = None
+    """Time constant of the soles' contact with the floor [s]; None leaves the plant's."""
     seed: int = 0
     """Of the inertial sensor's noise and bias."""
 
@@ -51,7 +59,11 @@ class Spread(NamedTuple):
     stiffness: tuple[float, float] = (0.85, 1.15)
     delay: tuple[float, float] = (0.0, 0.02)
     tilt: tuple[float, float] = (-np.pi / 180, np.pi / 180)
-    backlash: tuple[float, float] = (0.5, 1.5)
+    backlash: tuple[float, float] = (0.4, 1.6)
+    voltage: tuple[float, float] = (11.0 / 12, 12.4 / 12)
+    """Three lithium cells, nearly empty to full, over the 12 V of an XM430."""
+    floor: tuple[float, float] = (HARD, 0.012)
+    """From a hard floor to a carpet; MuJoCo's default of 0.02 s is a cushion."""
 
 
 def draws(count: int, seed: int = 0, spread: Spread | None = None) -> tuple[Draw, ...]:
@@ -60,10 +72,14 @@ def draws(count: int, seed: int = 0, spread: Spread | None = None) -> tuple[Draw
     bounds = np.array([spread.mass, spread.friction, spread.stiffness, spread.delay, spread.tilt, spread.tilt])
     shares = np.random.default_rng(seed).random((count, len(bounds)))
     rows = (bounds[:, 0] + shares * (bounds[:, 1] - bounds[:, 0])).tolist()
-    # A separate generator: the other parameters do not depend on it.
+    # Separate generators: the other parameters do not depend on them.
     plays = np.random.default_rng([seed, 1]).uniform(*spread.backlash, count)
+    more = (
+        np.random.default_rng([seed, 2]).uniform(*zip(spread.voltage, spread.floor, strict=True), (count, 2)).tolist()
+    )
     return tuple(
-        Draw(*row, backlash=float(play), seed=k) for k, (row, play) in enumerate(zip(rows, plays, strict=True))
+        Draw(*row, backlash=float(play), voltage=volts, floor=floor, seed=k)
+        for k, (row, play, (volts, floor)) in enumerate(zip(rows, plays, more, strict=True))
     )
 
 
@@ -79,9 +95,14 @@ def drawn(plant: Plant, draw: Draw, playback: Playback) -> tuple[Plant, Playback
     model.actuator_biasprm[:, :2] *= draw.stiffness
     model.jnt_range[plant.places.play] *= draw.backlash
     model.opt.gravity[:] = _tilted(plant.model.opt.gravity, draw.roll, draw.pitch)
+    if draw.floor is not None:
+        model.geom_solref[soles_and_floor(model, plant.robot)] = draw.floor, 1.0
     mujoco.mj_setConst(model, mujoco.MjData(model))
     delay = playback.delay if draw.delay is None else draw.delay
-    return replace(plant, model=model), replace(playback, delay=delay, seed=draw.seed)
+    supply = None
+    if plant.drives is not None and draw.voltage is not None:
+        supply = Supply(draw.voltage * plant.drives.voltage, RESISTANCE)
+    return replace(plant, model=model, supply=supply), replace(playback, delay=delay, seed=draw.seed)
 
 
 def _tilted(gravity: np.ndarray, roll: float, pitch: float) -> np.ndarray:

@@ -1,8 +1,8 @@
 """A figure: its name, unit, printed digits, and the function that measures it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -62,3 +62,50 @@ def measures(
 ) -> Callable[[Callable[[Subject], tuple[Value, ...]]], Measure]:
     """Return the decorator that makes a `Measure` of the function which returns the values of some figures."""
     return lambda of: Measure(figures, of, human, feet, scene)
+
+
+# Figures of reports: units that people read, and limits.
+
+UNITS = {"rad": (57.29578, "°"), "m": (1000.0, "mm"), "of all": (100.0, "%")}
+"""What figures are shown in: a factor and a unit for each unit of the report."""
+
+
+def shown(value: float | str, unit: str) -> str:
+    """Return a figure in a common unit: 0.2 rad as 11.5°. Texts are returned unchanged."""
+    if isinstance(value, str):
+        return value
+    factor, name = UNITS.get(unit, (1.0, "°" if unit == "deg" else unit))
+    return f"{factor * value + 0.0:.3g}{'' if name == '°' or not name else ' '}{name}"
+
+
+NEAR = 0.1
+"""A figure is near its limit within this share of the limit, on either side [-]."""
+
+
+class Check(NamedTuple):
+    """A threshold, the figure it bounds, its name and unit for people, and the sentence of a figure beyond it.
+
+    Sentences may contain `{value}` and `{bound}` with their units, `{number}` without, and other figures.
+    """
+
+    threshold: str
+    figure: str
+    what: str
+    unit: str
+    sentence: str = "{what}: {value}, more than {bound}"
+
+    def exceeded(self, figures: Mapping[str, Any], most: Any) -> bool:
+        """Return whether the figure is beyond its threshold; one that does not apply is not."""
+        return (figures.get(self.figure) or 0.0) > getattr(most, self.threshold)
+
+    def near(self, figures: Mapping[str, Any], most: Any) -> bool:
+        """Return whether the figure is within `NEAR` of its threshold."""
+        value, bound = figures.get(self.figure), getattr(most, self.threshold)
+        return value is not None and 0 < bound < np.inf and abs(value - bound) <= NEAR * bound
+
+    def reason(self, figures: Mapping[str, Any], most: Any) -> str:
+        """Return the sentence of a figure."""
+        value, bound = figures[self.figure], getattr(most, self.threshold)
+        number = UNITS.get(self.unit, (1.0, ""))[0] * value
+        texts = {"what": self.what, "value": shown(value, self.unit), "bound": shown(bound, self.unit)}
+        return self.sentence.format(**{**figures, **texts, "number": number})

@@ -7,19 +7,23 @@
 Δ is the change since the first frame. The human is always the one of the motion, also where the robot keeps its feet in place.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from robot_retarget.base.arrays import Bools, Floats, intervals
+from robot_retarget.base.arrays import Bools, Floats, intervals, unit
 from robot_retarget.contact.rule import JOINTS, over_lowest
 from robot_retarget.graph.describe import RobotGraph
-from robot_retarget.human.features import HumanFeatures
+from robot_retarget.human.features import FLIGHT, SUPPORTED, ActivityRule, HumanFeatures
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot, world_points
 from robot_retarget.robot.support import sole_corners
-from robot_retarget.scores.pair import PARTS, Pair
+from robot_retarget.scores.figure import Check
+from robot_retarget.scores.pair import PARTS, Pair, best_bone_angles
 
 # How far a body travels over the floor, how far it turns, and how many steps it takes.
 #
@@ -119,6 +123,9 @@ def _travel(x: Floats, match: Match, steps: int) -> Travel:
 
 KEPT = 0.04
 """A contact is made if the robot's hand is no farther than this more than the human's, over the path between [-]."""
+BRIEF = 0.2
+"""A hand passes a part that it touches for less [s]: 5–12 frames of a hand that swings past the hip in a walk; a clap stays
+longer below its distance. Contacts with bodies are counted alike (`judge.stance.BRIEF`)."""
 FAR = np.radians(25.0)
 """A frame is far from the human's pose if its bones are off by more on average [rad]."""
 AT_LIMIT = 0.99
@@ -153,14 +160,34 @@ class Likeness:
     """(T,) whether a joint is at its speed limit."""
     fps: float
     """Frames per second."""
+    pair: Pair
+    """The compared keypoints ..."""
+    model: Robot
+    """... of this robot ..."""
+    qpos: Floats
+    """... in these configurations (T, nq)."""
+    not_standing: str = ""
+    """What of the motion no robot plays that stands on its own feet; empty without any."""
 
     def __repr__(self) -> str:
         return f"<Likeness over {len(self.rushed)} frames: {self.sentence}>"
 
+    @cached_property
+    def best(self) -> dict[str, Floats]:
+        """Per bone the angles that ranges of joints alone allow, at some moments from the first frame to the last [rad]."""
+        return best_bone_angles(self.model, self.pair.match, self.pair.human, self.qpos, self.fps)
+
     @property
     def far(self) -> Bools:
-        """(T,) whether a frame is far from the human's pose, by the mean angle of its bones."""
-        return np.mean(list(self.angles.values()), axis=0) > FAR if self.angles else np.zeros(len(self.rushed), bool)
+        """(T,) whether a frame is far from the human's pose, by the mean angle of its bones, where ranges of joints allow nearer ones."""
+        if not self.angles:
+            return np.zeros(len(self.rushed), bool)
+        far = np.mean(list(self.angles.values()), axis=0) > FAR
+        if not far.any():
+            return far
+        least = np.mean([self.best[bone] for bone in self.angles], axis=0)
+        moments = np.linspace(0, len(far) - 1, len(least))
+        return far & (np.interp(np.arange(len(far)), moments, least) < FAR)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -201,8 +228,20 @@ class Likeness:
 
     def part(self, name: str) -> float | None:
         """The mean angle of a part's bones [rad]; None if the robot lacks them."""
-        bones = [angle for bone, angle in self.angles.items() if bone.split("_")[-1] in PARTS[name]]
-        return float(np.mean(bones)) if bones else None
+        return _mean_of_part(self.angles, name)
+
+    def best_of_part(self, name: str) -> float | None:
+        """The least mean angle of a part's bones that ranges of joints alone allow [rad]; None if they are not compared."""
+        return None if self.part(name) is None else _mean_of_part(self.best, name)
+
+    def beyond(self, name: str) -> float:
+        """The mean angle of a part's bones beyond the least that ranges of joints allow [rad]; 0 without the part."""
+        return max((self.part(name) or 0.0) - (self.best_of_part(name) or 0.0), 0.0)
+
+    @property
+    def pace(self) -> float | None:
+        """Speed over the human's, each in its own legs [-]: length of steps over slowdown; None without steps of both."""
+        return self.stride / self.slowdown if self.robot.steps and self.human.steps else None
 
     def worst(self) -> tuple[str, float]:
         """The bone with the largest mean angle, and that angle [rad]."""
@@ -223,6 +262,7 @@ class Likeness:
         mean = float(np.mean([angle.mean() for angle in self.angles.values()])) if self.angles else None
         return {
             **{f"limb_rad_{name}": _rounded(self.part(name)) for name in PARTS},
+            **{f"limb_rad_{name}_best": _rounded(self.best_of_part(name)) for name in PARTS},
             "limb_rad": _rounded(mean),
             "limb_rad_worst": _rounded(off),
             "limb_worst": bone,
@@ -232,6 +272,8 @@ class Likeness:
             "contacts_lost": None if self.contacts is None else round(1 - self.contacts, 3),
             "slowdown": round(self.slowdown, 3),
             "stride": round(self.stride, 3) if self.robot.steps else None,
+            "pace": None if self.pace is None else round(self.pace, 3),
+            "not_standing": self.not_standing or None,
             "unfinished_share": round(self.unfinished, 3),
             "legs": self.legs,
             **self._travel_figures(),
@@ -277,7 +319,15 @@ def likeness_of(
     path = _path_off(moved.path, match.leg_ratio * performed.path, match.robot_leg)
     contacts = _contacts_kept(graph, pair.robot)
     rushed = _rushed(graph, qpos)
-    return Likeness(angles, contacts, performed, moved, path, slowdown, stride, legs, unfinished, rushed, graph.fps)
+    return Likeness(
+        angles, contacts, performed, moved, path, slowdown, stride, legs, unfinished, rushed, graph.fps,
+        pair, graph.robot, qpos, not_standing(graph.human),
+    )  # fmt: skip
+
+
+def _mean_of_part(angles: dict[str, Floats], name: str) -> float | None:
+    own = [angle for bone, angle in angles.items() if bone.split("_")[-1] in PARTS[name]]
+    return float(np.mean(own)) if own else None
 
 
 def _rushed(graph: RobotGraph, qpos: Floats) -> Bools:
@@ -294,17 +344,154 @@ def _path_off(robot: Floats, human: Floats, leg: float) -> float:
 
 
 def _contacts_kept(graph: RobotGraph, robot: Floats) -> float | None:
-    """The share of the human's contacts that are as near on the robot."""
+    """The share of the human's contacts that are as near on the robot; passing ones do not count (`BRIEF`)."""
     track = graph.kinds.get("touch")
     if track is None:
         return None
     names = graph.match.keypoints
     i, j = ([names.index(ends[k]) for ends in track.ends] for k in (0, 1))
-    touching = track.priority > track.priority.max(initial=0.0) / 2
+    touching = lasting(track.priority > track.priority.max(initial=0.0) / 2, round(BRIEF * graph.fps))
     if not touching.any():
         return None
     near = np.linalg.norm(robot[:, i] - robot[:, j], axis=2) / track.scale
     return float((near <= track.lower / track.scale + KEPT)[touching].mean())
+
+
+# How alike is alike: limits, and a sentence for each figure beyond its limit. The verdict and balance read these.
+
+
+@dataclass(frozen=True)
+class Alike:
+    """Limits of a motion that is like the human's."""
+
+    unlike_arms: float = 0.2
+    """Mean angle of upper arms and forearms to the human's, beyond the least that ranges of joints allow [rad] ..."""
+    unlike_trunk: float = 0.2
+    """... the same of the trunk ..."""
+    unlike_legs: float = 0.4
+    """... and of thighs and shins. On the OP3 ranges alone cost arms 14° on average (wave, walk), trunk 1° and legs 0°: with
+    them these limits are angles of 26, 12 and 23°."""
+    limbs_far: float = 0.05
+    """Share of the frames in which the limbs are over 25° from the human's on average: a fall, a roll, a leap."""
+    unlike_slowdown: float = 2.5
+    """Duration over the human's."""
+    contacts_lost: float = 0.3
+    """Share of the human's hand contacts that the robot does not make."""
+    steps_shortened: float = 0.6
+    """Share by which steps are shorter than the scaled human's."""
+    path_off: float = 0.6
+    """Mean error of the pelvis' place over the human's mean distance from its start, or a leg: steps of half their length make
+    0.5, standing in place makes 1."""
+    heading_off: float = 0.6
+    """Heading error that lasts for a tenth of the time [rad]."""
+    steps_lost: float = 0.5
+    """Share of the human's steps that the robot does not take."""
+    unfinished: float = 0.25
+    """Share of the frames that the solver did not finish."""
+
+
+def _part_check(part: str, are: str) -> Check:
+    return Check(
+        f"unlike_{part}", f"limb_rad_{part}_beyond", f"mean angle of the {part} to the human's, beyond what ranges of joints cost",
+        "rad", f"{part} {are} {{limb_{part}}} from the human's on average, {{value}} more than ranges of joints cost",
+    )  # fmt: skip
+
+
+UNLIKE = (
+    _part_check("arms", "are"),
+    _part_check("trunk", "is"),
+    _part_check("legs", "are"),
+    Check("limbs_far", "limbs_far_share", "frames with limbs over 25° from the human's", "of all"),
+    Check("unlike_slowdown", "slowdown", "ratio of durations, robot to human", "", "it takes {number:.1f} times as long as the human"),
+    Check("contacts_lost", "contacts_lost", "hand contacts that are lost", "of all"),
+    Check("steps_shortened", "steps_shortened", "steps shorter than the human's, scaled, by", "of all"),
+    Check("path_off", "path_off", "root path deviation, over the path's extent", "of all"),
+    Check("heading_off", "heading_off_rad", "heading error that lasts", "rad"),
+    Check("steps_lost", "steps_lost", "steps of the human that are left out", "of all"),
+    Check("unfinished", "unfinished_share", "frames that the solver did not finish", "of all"),
+)  # fmt: skip
+"""Comparisons with the human of a motion that passes."""
+TRAVEL = ("path_off", "heading_off", "steps_lost")
+"""The thresholds that a robot exceeds by standing in place."""
+
+
+def unlikeness(figures: Mapping[str, Any], most: Alike) -> tuple[str, ...]:
+    """Return the differences from the human's motion that exceed their limits, a sentence each."""
+    figures = compared_figures(figures)
+    over = [check for check in UNLIKE if check.exceeded(figures, most)]
+    stands = figures.get("legs") == "instead" and any(check.threshold in TRAVEL for check in over)
+    sentences = [stands_in_place(figures)] if stands else []
+    own = [check for check in over if not (stands and check.threshold in TRAVEL)]
+    return (*sentences, *(check.reason(figures, most) for check in own))
+
+
+def compared_figures(figures: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the figures with those that checks read: angles as text, and beyond the ranges' share, 0 where it is unknown."""
+    found = dict(figures)
+    for part in PARTS:
+        angle = found.get(f"limb_rad_{part}")
+        if angle is not None:
+            found[f"limb_rad_{part}_beyond"] = max(angle - (found.get(f"limb_rad_{part}_best") or 0.0), 0.0)
+            found[f"limb_{part}"] = f"{np.degrees(angle):.0f}°"
+    return found
+
+
+def stands_in_place(figures: Mapping[str, Any]) -> str:
+    """Name the travel and the steps of the human that a robot with its feet in place leaves out."""
+    turn, steps = np.degrees(figures.get("human_turn_rad", 0.0)), figures.get("human_steps")
+    stepping = f" in {steps} step{'s' if steps > 1 else ''}" if steps else ""
+    return (
+        f"stands in place: the human moves {figures.get('human_distance_m', 0.0):.1f} m and turns {turn:.0f}°{stepping}"
+    )
+
+
+LYING = 0.35
+"""A chest that is higher over the pelvis than this share of their distance is upright enough to stand [-]: 20° over level."""
+SPIN = np.pi
+"""More of a turn without a new foothold is a spin [rad]: hips of human and robot turn by a quarter turn either way."""
+
+
+def not_standing(human: HumanFeatures) -> str:
+    """Return what of a motion no robot plays that stands on its own feet: support, flight, lying, spinning; empty without any."""
+    activity = human.activity
+    since = f"longest from {activity.since:.1f} to {activity.until:.1f} s"
+    if _lying(human).mean() > ActivityRule().brief:
+        return "the human lies or crawls"
+    if activity.kind == SUPPORTED:
+        return f"a seat, hands or the floor hold the human up, {since}"
+    if activity.kind == FLIGHT:
+        return f"the human leaves the floor, {since}"
+    turn = _spin(human)
+    return f"the human spins by {np.degrees(turn):.0f}° on one foothold" if turn > SPIN else ""
+
+
+def _lying(human: HumanFeatures) -> Bools:
+    """(T,) whether the pelvis is low and the trunk about level, or head down."""
+    match, x = human.calibration.match, human.positions
+    if not {"pelvis", "chest"} <= set(match.keypoints):
+        return np.zeros(len(x), bool)
+    pelvis = x[:, match.index("pelvis")]
+    trunk = unit(x[:, match.index("chest")] - pelvis)
+    low = pelvis[:, 2] < ActivityRule().low * -JOINTS.floor_height(-pelvis[:, 2])
+    return low & (trunk[:, 2] < LYING)
+
+
+def _spin(human: HumanFeatures) -> float:
+    """The largest turn between two moments at which a foot begins to stand [rad]; a turn in flight counts."""
+    turned = np.unwrap(human.calibration.match.heading(human.positions))
+    down = [np.asarray(stands.any(axis=1)) for stands in human.contacts.values()]
+    starts = {start for foot in down for start, _ in intervals(foot)} | {0, len(turned)}
+    edges = sorted(starts)
+    return max((float(np.ptp(turned[a:b])) for a, b in pairwise(edges) if b > a), default=0.0)
+
+
+def lasting(flags: Bools, frames: int) -> Bools:
+    """Return flags (T, P) without runs of fewer frames."""
+    found = np.zeros(flags.shape, bool)
+    for column, own in zip(found.T, flags.T, strict=True):
+        for start, stop in intervals(own):
+            column[start:stop] = stop - start >= frames
+    return found
 
 
 def _rounded(value: float | None) -> float | None:

@@ -17,6 +17,9 @@ from robot_retarget.servo.link import JointScale
 from robot_retarget.servo.plan import SEAM, ServoPlan, goal_plan, parting
 from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory
 
+FAILED = "it did not pass: "
+"""Begins the message of a failed simulation, which another one of the same file does not mend."""
+
 
 def require_judged(
     path: str | Path,
@@ -51,6 +54,10 @@ def require_judged(
     )
     if why is None:
         return float(content["thresholds"].get("tracking_rms", {}).get("value", TRACKING_RMS))
+    if content.get("verdict") == "fail" and why.startswith(FAILED):
+        listed = content.get("cures")
+        helps = f"; what helps: {'; '.join(map(str, listed))}" if isinstance(listed, list) and listed else ""
+        raise ServoError(f"{why}{helps}; then solve and simulate it again")
     robot = content.get("model") or trajectory.robot
     command = ["robot-retarget", "simulate", path, "--robot", robot, "--mode", mode]
     command += ["--servos", servos, *(["--report", report] if report is not None else [])]
@@ -83,7 +90,7 @@ def _unsuitable(content: dict[str, Any], mode: str, loose: bool, where: Path) ->
     if content.get("verdict") != "pass":
         reasons = content.get("reasons")
         listed = "; ".join(map(str, reasons)) if isinstance(reasons, list) else ""
-        return f"it did not pass: {listed or content.get('verdict')}"
+        return f"{FAILED}{listed or content.get('verdict')}"
     if content.get("mode") != mode:
         hint = "; --mode pinned plays it on a robot held by its pelvis" if mode == "free" else ""
         return f"it passed in mode {content.get('mode')} ({where}), not {mode}{hint}"

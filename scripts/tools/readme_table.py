@@ -61,7 +61,11 @@ def table(readme: str) -> str:
     suite, upright = ROOT / "benchmarks/retargeting.md", ROOT / "benchmarks/balance.md"
     solved, stood = "Eleven clips on five robots", "Clips that stay upright"
     counted = Counter(row["verdict"].split(" (")[0] for row in rows(upright, stood, "verdict"))
-    counts = {"passed": counted["pass"], "unlike": counted["pass, but unlike"], "failed": counted["fail"]}
+    counts = {
+        "passed": counted["pass"] + counted["pass, at the edge"],
+        "unlike": counted["pass, but unlike"],
+        "failed": counted["fail"],
+    }
     lines = [head, "|---|---|---|---|"]
     for row in rows(suite, solved, "limbs"):
         free = verdicts.format(clips=counted.total(), **counts) if row["robot"] == "robotis_op3" else none

@@ -10,8 +10,8 @@ from shared_files import ROOT, SHARED, needs_shared
 
 import robot_retarget as rr
 from robot_retarget.graph.placed_scene import pelvis_path
-from robot_retarget.judge.verdict import Thresholds, unlikeness
-from robot_retarget.scores.likeness import human_travel, likeness_of
+from robot_retarget.judge.verdict import Thresholds
+from robot_retarget.scores.likeness import human_travel, likeness_of, unlikeness
 
 
 @pytest.fixture(scope="module")

@@ -152,7 +152,7 @@ def show_robot(facts: dict[str, Any]) -> None:
 
 def show_solution(facts: dict[str, Any], explain: bool) -> None:
     """Print what `describe_solution` found; the worst edges when asked to explain."""
-    from robot_retarget.judge.verdict import shown
+    from robot_retarget.scores.figure import shown
 
     ended = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in facts["status"].items())
     say(f"solved {facts['frames']} frames at {facts['solved_per_second']} a second: {ended}")
@@ -191,13 +191,14 @@ def _show_stress(facts: dict[str, Any]) -> None:
 def show_report(report: "Report") -> None:
     """Print a report: verdict, reasons, limits and other figures."""
     from robot_retarget.judge.report_text import facts, headline, judged_lines
-    from robot_retarget.tools.view.page import advice
 
-    colour = {"pass": "green", "unlike": "yellow", "fail": "red"}[report.badge.level]
+    colour = {"pass": "green", "fail": "red"}.get(report.badge.level, "yellow")
     out.print(f"\nverdict: [bold {colour}]{report.badge.text}[/]", markup=True)
     say(headline(report))
-    for sentence in (*report.reasons, *report.unlike, *advice(report)):
-        say(f"  {sentence}")
+    for reason in (*report.reasons, *report.unlike):
+        say(f"  {reason}")
+    for cure in report.cures:
+        say(f"  what helps: {cure}")
     lines = judged_lines(report)
     broken = [line[1:] for line in lines if not line.held]
     if broken:
@@ -225,7 +226,7 @@ PLAYED = {
 
 def show_playback(figures: dict[str, Any]) -> None:
     """Print the figures of a playback, with the limited joints and their ticks."""
-    from robot_retarget.judge.verdict import shown
+    from robot_retarget.scores.figure import shown
 
     rows = [
         (what, value if isinstance(value, str) else shown(value, unit))

@@ -14,7 +14,7 @@ from robot_retarget.base.pages import rendered
 from robot_retarget.collision.warn import Warnings
 from robot_retarget.judge.report import Report
 from robot_retarget.judge.report_text import facts, headline, judged_lines
-from robot_retarget.judge.verdict import shown
+from robot_retarget.scores.figure import shown
 from robot_retarget.tools.view import charts
 from robot_retarget.tools.view.film import AnimatedWebP
 from robot_retarget.tools.view.picture import Picture, Unavailable
@@ -64,7 +64,7 @@ def save_page(
         motion=played.source or "a trajectory",
         headline=headline(report),
         reasons=(*report.reasons, *report.unlike),
-        advice=advice(report),
+        advice=[f"What helps: {cure}." for cure in report.cures],
         **_film(film),
         lines=lines,
         broken=broken,
@@ -78,23 +78,6 @@ def save_page(
         joints=[(name, _values(own, heads)) for name, own in report.figures["joints"].items()],
     )
     return write_text(path, page)
-
-
-def advice(report: Report) -> list[str]:
-    """Return what prevents the failures of a report, a sentence each."""
-    f: Any = report.figures
-    if not report.reasons:
-        return []
-    advice = []
-    if f.get("fall_s") is not None:
-        advice.append("To stay upright: keep both feet in place (--legs stand), or use balance (--balance static).")
-    if f["speed_ratio"] > 1:
-        advice.append(
-            f"{f['speed_ratio_joint']} exceeds its speed limit in the plan: slow the clip, or leave the quick move out."
-        )
-    if f["self_contact_share"] > 0 or f["tracked_self_contact_share"] > 0:
-        advice.append("Where links touch, and when: see the warnings below, and the near pairs in the viewer.")
-    return advice
 
 
 def _foreseen(f: Any) -> list[tuple[str, str, str]]:
