@@ -85,7 +85,7 @@ CURES = {
     "speed_ratio": "slow the clip, leave the quick move out (--frames), or use --balance static, which slows the motion",
     "saturated_share": "a lighter pose, a slower clip, or stronger servos in the map",
     "temperature_rise": "pause between repetitions, or cut the clip (--frames)",
-    "penetration": "widen the margin between the links, or edit the clip there (view, edit mend)",
+    "penetration": "the near pairs in the viewer name where links touch, and when: add an edge that keeps them apart (--edges), or mend the clip there (view)",
     "foot_slip": "the step is too long or too fast: slow the clip, or keep both feet in place (--legs stand)",
     "body_contacts_lost": "slow the clip, or place the body where the robot reaches it (--scene-scale)",
     "fallen_share": "keep both feet in place (--legs stand), use --balance static, or a slower or shorter part of the clip",

@@ -74,9 +74,8 @@ def draws(count: int, seed: int = 0, spread: Spread | None = None) -> tuple[Draw
     rows = (bounds[:, 0] + shares * (bounds[:, 1] - bounds[:, 0])).tolist()
     # Separate generators: the other parameters do not depend on them.
     plays = np.random.default_rng([seed, 1]).uniform(*spread.backlash, count)
-    more = (
-        np.random.default_rng([seed, 2]).uniform(*zip(spread.voltage, spread.floor, strict=True), (count, 2)).tolist()
-    )
+    low, high = np.array([spread.voltage, spread.floor]).T
+    more = np.random.default_rng([seed, 2]).uniform(low, high, (count, 2)).tolist()
     return tuple(
         Draw(*row, backlash=float(play), voltage=volts, floor=floor, seed=k)
         for k, (row, play, (volts, floor)) in enumerate(zip(rows, plays, more, strict=True))

@@ -63,6 +63,26 @@ def test_slippery_ground_lets_feet_turn_that_grip_holds():
     assert turned[0] > turned[1]
 
 
+def test_supply_and_floor_are_drawn_between_a_flat_battery_and_a_full_one_a_hard_floor_and_a_soft_one():
+    spread = np.array([[12 * d.voltage, 1e3 * d.floor] for d in draws(400)])
+    np.testing.assert_allclose(spread.min(0), [11.0, 4.0], atol=0.03)
+    np.testing.assert_allclose(spread.max(0), [12.4, 12.0], atol=0.04)
+
+
+def test_a_low_supply_droops_by_the_inverse_of_its_voltage():
+    """A holding servo gives its torque at an error of τ / (k_p V); little current flows."""
+    arm, pinned = hold(OP3, 1.0), plant_of(OP3, "pinned")
+    full, low = rollouts(pinned, arm, [Draw(voltage=1.0), Draw(voltage=0.8)], mode="pinned")
+    droop = [np.abs(r.hinges[-1] - arm.qpos[-1, OP3.qpos_index]).max() for r in (full, low)]
+    assert droop[1] / droop[0] == pytest.approx(1 / 0.8, rel=0.05)
+    assert pinned.model.actuator_gainprm[0, 0] == plant_of(OP3, "pinned").model.actuator_gainprm[0, 0]
+
+
+def test_feet_sink_deeper_into_a_soft_floor():
+    hard, soft = rollouts(FREE, STAND, [Draw(floor=0.004), Draw(floor=0.012)])
+    assert soft.qpos[-1, 2] < hard.qpos[-1, 2] - 3e-5
+
+
 def test_many_worlds_at_once_come_out_as_one_by_one_and_in_order():
     worlds = draws(4, seed=1)
     together = rollouts(FREE, STAND, worlds, threads=4)

@@ -30,6 +30,13 @@ def held() -> Report:
 def test_every_badge_has_its_own_words() -> None:
     badges = [Badge(*flags) for flags in itertools.product((False, True), repeat=5)]
     assert len({badge.text for badge in badges if badge.passed}) == 12
+    assert Badge(True, pinned=False, edge=True).text == "pass, at the edge (free)"
+    assert Badge(True, unlike=True, pinned=False, standing=False).text == "not playable standing (free)"
+    assert (
+        Badge(True, unlike=True, standing=False).text == "pass, but unlike (pinned)"
+    )  # the pelvis is held: it is played
+    assert Badge(True, pinned=False, standing=False).text == "pass (free)"  # it is played all the same
+    assert Badge(True, pinned=False, pace=0.856).text == "pass (free, at 0.86 of the human's speed)"
     assert Badge(True).text == "pass (pinned)"
     assert Badge(True, unlike=True, pinned=False, feedback=True).text == "pass, but unlike (free, with feedback)"
     assert Badge(False, unlike=True, pinned=False).text == "fail (free)"
@@ -43,7 +50,7 @@ def test_the_likeness_of_a_file_is_judged_as_it_was_found(tmp_path: Path) -> Non
     report = simulate(path, OP3)
     assert report.badge.text == "pass, but unlike (pinned)"
     assert report.unlike == (
-        "legs are 34° from the human's on average",
+        "legs are 34° from the human's on average, 34.4° more than ranges of joints cost",
         "frames with limbs over 25° from the human's: 100 %, more than 5 %",
     )
     assert report.trajectory is not None and report.trajectory.likeness == found

@@ -5,13 +5,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 from shared_files import ROOT, SHARED, needs_shared
 
 import robot_retarget as rr
 from robot_retarget.graph.placed_scene import pelvis_path
 from robot_retarget.judge.verdict import Thresholds
-from robot_retarget.scores.likeness import human_travel, likeness_of, unlikeness
+from robot_retarget.scores.likeness import human_travel, lasting, likeness_of, not_standing, unlikeness
 
 
 @pytest.fixture(scope="module")
@@ -121,3 +122,52 @@ def test_a_robot_that_takes_no_step_has_no_length_of_steps(walk: rr.RobotGraph) 
     figures = likeness_of(walk, placed(walk, 0.0)).figures()
     assert figures["robot_steps"] == 0 and figures["human_steps"] == 8
     assert figures["stride"] is None and figures["steps_shortened"] is None and figures["steps_lost"] == 1.0
+
+
+@pytest.mark.parametrize("clip", ["wave", "walk"])
+def test_ranges_of_joints_allow_no_nearer_pose_than_the_bound(clip: str) -> None:
+    """Independent: SciPy's trust region over joints and the turn of the root, from the bound's own starts, finds no lower sum."""
+    graph = rr.describe(rr.read_motion(ROOT / f"samples/{clip}.bvh"), rr.load_robot("op3")).at(slice(40, 41))
+    robot, stand = graph.robot, graph.robot.standing()
+    best = sum(angle[0] for angle in likeness_of(graph, stand[None]).best.values())
+
+    def angles(values: np.ndarray) -> np.ndarray:
+        qpos = stand.copy()
+        qpos[3:7] = Rotation.from_rotvec(values[:3]).as_quat(scalar_first=True)
+        qpos[robot.qpos_index] = values[3:]
+        return np.array([angle[0] for angle in likeness_of(graph, qpos[None]).angles.values()])
+
+    low, high = np.r_[-3.0, -3.0, -3.0, robot.lower], np.r_[3.0, 3.0, 3.0, robot.upper]
+    start = np.clip(np.r_[0.0, 0.0, 0.0, stand[robot.qpos_index]], low + 1e-3, high - 1e-3)
+    found = least_squares(lambda v: np.sqrt(angles(v) + 1e-4), start, bounds=(low, high), max_nfev=15)
+    assert best <= angles(found.x).sum() + 0.02
+    assert best <= angles(start).sum()
+
+
+def test_a_hand_that_passes_a_part_makes_no_contact() -> None:
+    flags = np.zeros((30, 2), bool)
+    flags[3:8, 0], flags[3:9, 1] = True, True
+    kept = lasting(flags, 6)
+    assert not kept[:, 0].any() and kept[:, 1].sum() == 6
+
+
+@pytest.mark.parametrize(("sample", "told"), [("wave", ""), ("walk", ""), ("squat", "")])
+def test_samples_that_stand_on_their_feet_are_playable_standing(sample: str, told: str) -> None:
+    graph = rr.describe(rr.read_motion(ROOT / f"samples/{sample}.bvh"), rr.load_robot("op3"))
+    assert not_standing(graph.human) == told
+
+
+@pytest.mark.parametrize(("turns", "spins"), [(0.45, False), (0.55, True)])
+def test_more_than_half_a_turn_on_one_foothold_is_a_spin(turns: float, spins: bool) -> None:
+    motion = rr.read_motion(ROOT / "samples/wave.bvh")
+    yaw = Rotation.from_rotvec(np.outer(np.linspace(0, turns * 2 * np.pi, len(motion)), [0, 0, 1])).as_matrix()
+    spun = replace(motion, positions=np.einsum("tij,tkj->tki", yaw, motion.positions), rotations=None)
+    human = rr.describe(spun, rr.load_robot("op3")).human
+    still = replace(human, contacts={side: np.ones_like(stands) for side, stands in human.contacts.items()})
+    assert ("spins" in not_standing(still)) == spins
+
+
+def test_speed_is_the_length_of_steps_over_slowdown(walk: rr.RobotGraph) -> None:
+    found = likeness_of(walk, placed(walk, 1.0), slowdown=2.0, stride=0.8)
+    assert replace(found, robot=replace(found.robot, steps=8)).pace == pytest.approx(0.4)
+    assert replace(found, robot=replace(found.robot, steps=0)).pace is None

@@ -125,7 +125,6 @@ def test_calibration_and_bus_are_the_robot_s_own_affair() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"verdict": "fail", "reasons": ["fell: j1 touched the floor"]}, "did not pass: fell: j1"),
         ({"trajectory_sha256": "0"}, "about another trajectory than .*, or it was edited since"),
         ({"format_version": None, "version": "0.1.0"}, r"a report of another version \(0\.1\.0\)"),
         ({"format_version": 2}, "a report of another version"),
@@ -140,9 +139,16 @@ def test_a_report_that_says_something_else_is_refused(tmp_path: Path, changes: d
 
 
 def test_the_cure_names_the_robot_as_it_was_given(tmp_path: Path) -> None:
-    path = passing(tmp_path, verdict="fail", reasons=["fell"], model="own/my.xml")
+    path = passing(tmp_path, mode="pinned", model="own/my.xml")
     with pytest.raises(ServoError, match=r"--robot own/my\.xml --mode free --servos arm\.toml"):
         require_judged(path, load_trajectory(path), ARM, "arm.toml")
+
+
+def test_a_failed_trajectory_is_refused_with_what_helps_and_not_sent_to_fail_again(tmp_path: Path) -> None:
+    path = passing(tmp_path, verdict="fail", reasons=["fell: j1 touched the floor"], cures=["keep both feet in place"])
+    with pytest.raises(ServoError, match=r"did not pass: fell: j1 .*what helps: keep both feet in place") as error:
+        require_judged(path, load_trajectory(path), ARM, "arm.toml")
+    assert "robot-retarget simulate" not in str(error.value)
 
 
 def test_a_missing_or_broken_report_is_refused(tmp_path: Path) -> None:

@@ -104,7 +104,7 @@ def test_the_verdict_comes_first_and_every_reason_is_there(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     assert text.index('class="badge">fail') < text.index("limits kept")
     assert "overlap by up to" in text and "✗" in text
-    assert "Where links touch, and when" in text[: text.index("limits kept")]
+    assert "What helps: the near pairs in the viewer name where links touch" in text[: text.index("limits kept")]
     assert re.findall(r'<svg[^>]*id="(\w+)"', text) == ["tracking", "errors", "torques", "balance", "timeline"]
 
 

@@ -1,0 +1,82 @@
+"""Each number of the verdict holds on both sides of its limit. The limits stand here once more, from docs/simulation.md."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import pytest
+
+from robot_retarget.judge.verdict import Thresholds, at_edge, badge_of, cures, judge, near_limits
+from robot_retarget.scores.likeness import unlikeness
+
+CALM: dict[str, Any] = {
+    "mode": "free", "unstable_s": None, "fall_s": None, "fall_body": None, "self_contacts": [], "tracked_self_contacts": [],
+    "self_contact_depth_m": 0.0, "between_frames_depth_m": 0.0, "between_frames_s": 1.0, "between_frames_bodies": ["a", "b"],
+    "worst_joint": "knee", "saturated_joint": "knee", "hottest_joint": "knee", "speed_ratio_joint": "knee",
+    "range_excess_joint": "knee", "goal_step_joint": "knee", "draws": 10, "lost_contact": "hand leaves box", "limb_rad": 0.1,
+}  # fmt: skip
+"""Figures of a simulation in which nothing happens."""
+FAILS = {
+    "worst_joint_rms_rad": 0.2, "speed_ratio": 2.0, "saturated_share": 0.5, "temperature_rise_K": 40.0, "foot_slip_m": 0.01,
+    "body_contacts_lost": 0.3, "fallen_share": 0.1, "range_excess_rad": 0.01, "between_frames_depth_m": 0.01,
+}  # fmt: skip
+UNLIKE = {
+    "limb_rad_arms": 0.2, "limb_rad_trunk": 0.2, "limb_rad_legs": 0.4, "limbs_far_share": 0.05, "slowdown": 2.5,
+    "contacts_lost": 0.3, "steps_shortened": 0.6, "path_off": 0.6, "heading_off_rad": 0.6, "steps_lost": 0.5,
+    "unfinished_share": 0.25,
+}  # fmt: skip
+
+
+def judged(**figures: Any) -> tuple[str, ...]:
+    return judge({**CALM, **figures}, Thresholds())
+
+
+def pair(depth: float) -> list[Mapping[str, Any]]:
+    return [{"bodies": ["arm", "hip"], "depth_m": depth, "frames": 3}]
+
+
+@pytest.mark.parametrize(("figure", "limit"), FAILS.items())
+def test_a_figure_fails_beyond_its_limit_and_passes_at_it(figure: str, limit: float) -> None:
+    assert not judged(**{figure: 0.999 * limit}) and len(judged(**{figure: 1.001 * limit})) == 1
+    assert cures({**CALM, figure: 1.001 * limit}, Thresholds()), "a fail names what helps"
+
+
+@pytest.mark.parametrize(("figure", "limit"), UNLIKE.items())
+def test_a_figure_is_unlike_beyond_its_limit_and_alike_at_it(figure: str, limit: float) -> None:
+    assert not unlikeness({**CALM, figure: 0.999 * limit}, Thresholds())
+    assert len(unlikeness({**CALM, figure: 1.001 * limit}, Thresholds())) == 1
+
+
+@pytest.mark.parametrize(("figure", "limit"), [("self_contacts", 0.001), ("tracked_self_contacts", 0.002)])
+def test_links_overlap_beyond_their_limit(figure: str, limit: float) -> None:
+    assert not judged(**{figure: pair(0.99 * limit)}) and len(judged(**{figure: pair(1.01 * limit)})) == 1
+
+
+def test_goals_are_held_back_beyond_the_limit_of_the_servo_map() -> None:
+    assert not judged(goal_step_rad=0.5, goal_step_limit_rad=0.5)
+    assert len(judged(goal_step_rad=0.501, goal_step_limit_rad=0.5)) == 1
+
+
+@pytest.mark.parametrize("part", ["arms", "trunk", "legs"])
+def test_an_angle_that_ranges_of_joints_cost_is_not_unlike(part: str) -> None:
+    limit = UNLIKE[f"limb_rad_{part}"]
+    near = {f"limb_rad_{part}": 0.3 + 0.99 * limit, f"limb_rad_{part}_best": 0.3}
+    assert not unlikeness(near, Thresholds())
+    assert unlikeness({**near, f"limb_rad_{part}_best": 0.28}, Thresholds())
+
+
+def test_a_pass_below_six_millimetres_of_margin_is_at_the_edge() -> None:
+    for margin, edge in ((0.0059, True), (0.0061, False), (None, False)):
+        figures = {**CALM, "zmp_margin_m": margin}
+        assert at_edge(figures, Thresholds()) == edge
+        badge = badge_of((), (), {**figures, "at_edge": edge})
+        assert badge.text == ("pass, at the edge (free)" if edge else "pass (free)")
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.89, False), (0.91, True), (1.09, True), (1.11, False)])
+def test_a_figure_within_a_tenth_of_its_limit_says_so(share: float, told: bool) -> None:
+    assert bool(near_limits({**CALM, "foot_slip_m": 0.01 * share}, Thresholds())) == told
+    assert bool(near_limits({**CALM, "limb_rad_legs": 0.4 * share}, Thresholds())) == told
+
+
+def test_a_fall_has_no_slip_and_no_drawn_worlds_to_judge() -> None:
+    assert len(judged(fall_s=1.0, fall_body="hand", foot_slip_m=1.0, fallen_share=1.0)) == 1
