@@ -43,7 +43,7 @@ def require_bounded_model(path: Path) -> None:
         try:
             left += total.add(file)
         except (ExpatError, UnicodeDecodeError) as error:
-            raise RobotError(f"{file}: no XML in UTF-8: {one_line(str(error))}") from error
+            raise RobotError(f"{file}: MuJoCo does not load it: no XML in UTF-8: {one_line(str(error))}") from error
 
 
 class _Total:
