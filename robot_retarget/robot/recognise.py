@@ -243,7 +243,8 @@ def _head(
 ) -> dict[str, KeypointSite]:
     """Return the head by name, else the topmost link above the shoulders, else the top of the trunk."""
     height = float(shoulders[2] - pelvis[2])
-    free = [x for x in links.ids if x not in used and x != trunk and links.surface(x)[:, 2].max() > shoulders[2]]
+    below = links.path(trunk)
+    free = [x for x in links.ids if x not in used and x not in below and links.surface(x)[:, 2].max() > shoulders[2]]
     free = [x for x in free if not words(links.words(x)) & GRASP_WORDS]
     top = _topmost(links, trunk, free, shoulders) if free else _trunk_top(links, trunk, shoulders, height)
     if top is None or not (free or arms):

@@ -53,11 +53,25 @@ def read_spec(path: Path, freed: Quaternion | None = None) -> mujoco.MjSpec:
         spec = urdf_spec(path) if is_urdf(path) else mujoco.MjSpec.from_file(str(path))
         for part in (*rods(spec), *scene_pairs(spec)):
             spec.delete(part)
+        _join_root(spec)
         if freed is not None:
             set_free(spec, freed)
     except (ValueError, OSError, ET.ParseError) as error:
         raise RobotError(f"{path}: MuJoCo does not load it: {' '.join(str(error).split())}") from error
     return spec
+
+
+def _join_root(spec: mujoco.MjSpec) -> None:
+    """Replace slides along x, y, z and a ball joint of a body in the world by the free joint that they amount to."""
+    ball, slide = mujoco.mjtJoint.mjJNT_BALL, mujoco.mjtJoint.mjJNT_SLIDE
+    for body in spec.worldbody.bodies:
+        types, ways = [joint.type for joint in body.joints], [joint.axis for joint in body.joints]
+        if types == [slide, slide, slide, ball] and np.allclose(ways[:3], np.eye(3)):
+            for joint in list(body.joints):
+                spec.delete(joint)
+            for key in spec.keys:  # slides count from the body's place
+                key.qpos = np.concatenate([np.add(key.qpos[:3], body.pos), key.qpos[3:]])
+            body.add_freejoint(name=FREE_JOINT)
 
 
 def rods(spec: mujoco.MjSpec) -> list[mujoco.MjsBody]:

@@ -1,6 +1,7 @@
 """Every humanoid is matched without a file by hand; what is no humanoid is refused with the reason."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
@@ -252,3 +253,63 @@ def test_every_joint_belongs_to_one_limb_and_mirrored_limbs_have_as_many(name: s
     assert sorted(joint for joints in limbs.values() for joint in joints) == sorted(robot.joint_names)
     for part in ("arm", "leg"):
         assert len(limbs.get(f"left_{part}", ())) == len(limbs.get(f"right_{part}", ()))
+
+
+def changed(robot: Robot, path: Path, change: Callable[[mujoco.MjSpec], None]) -> Robot:
+    """A robot whose file was changed."""
+    spec = robot.spec()
+    spec.meshdir = str((robot.path.parent / spec.meshdir).resolve())
+    change(spec)
+    spec.compile()
+    path.write_text(spec.to_xml())
+    return load_robot(path)
+
+
+def test_a_forearm_whose_solid_shape_is_a_ball_at_the_elbow_ends_where_it_is_seen_to_end(tmp_path: Path) -> None:
+    op3 = load_robot("op3")
+
+    def bare(spec: mujoco.MjSpec) -> None:
+        for side in "lr":
+            forearm = spec.body(f"{side}_el_link")
+            for geom in forearm.geoms:
+                geom.contype = geom.conaffinity = 0
+            forearm.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.01, 0, 0])
+
+    robot = changed(op3, tmp_path / "bare.xml", bare)
+    seen, solid = recognise(robot), recognise(op3)
+    for side in "lr":
+        np.testing.assert_allclose(places(robot, seen)[f"{side}_hand"], places(op3, solid)[f"{side}_hand"], atol=0.01)
+
+
+def test_what_carries_the_trunk_is_no_head_whatever_its_name(tmp_path: Path) -> None:
+    whole = load_robot("g1_class")
+
+    def named(spec: mujoco.MjSpec) -> None:
+        mark = spec.bodies[whole.root_body].add_body(name="head_mark", pos=[0, 0, 0.6])
+        mark.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[1e-4, 0, 0], density=0)
+
+    marked = changed(whole, tmp_path / "marked.xml", named)
+    assert recognise(marked).sites["chest"].body != marked.root_body
+    np.testing.assert_allclose(
+        places(marked, recognise(marked))["head"], places(whole, recognise(whole))["head"], atol=1e-6
+    )
+
+
+def test_slides_and_a_ball_joint_under_a_robot_are_its_free_joint(tmp_path: Path) -> None:
+    op3 = load_robot("op3")
+
+    def split(spec: mujoco.MjSpec) -> None:
+        root = spec.bodies[op3.root_body]
+        for joint in list(root.joints):
+            spec.delete(joint)
+        for key in list(spec.keys):
+            spec.delete(key)
+        for axis in np.eye(3):
+            root.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
+        root.add_joint(type=mujoco.mjtJoint.mjJNT_BALL)
+
+    robot = changed(op3, tmp_path / "split.xml", split)
+    assert robot.floating
+    np.testing.assert_allclose(robot.model.qpos0, op3.model.qpos0)
+    own, whole = places(robot, recognise(robot)), places(op3, recognise(op3))
+    np.testing.assert_allclose([own[k] for k in whole], list(whole.values()), atol=1e-9)

@@ -223,3 +223,9 @@ def test_a_urdf_that_is_a_chain_without_end_or_no_text_is_refused(tmp_path: Path
     path.write_bytes(b'<robot name="r\xf8"/>')
     with pytest.raises(RobotError, match="UTF-8"):
         load_robot(path)
+
+
+def test_a_file_that_mujoco_reads_need_not_be_well_formed(tmp_path: Path) -> None:
+    path = tmp_path / "r.xml"
+    path.write_text(MJCF.replace("<worldbody>", "<!-- <geom/> <!-- nested --> --><worldbody>"))
+    assert load_robot(path).joint_names == ("knee",)

@@ -1,11 +1,11 @@
 """Bounds of a robot's file, checked before MuJoCo reads it: few bytes of MJCF can ask for gigabytes."""
 
 import math
+import re
+from html import unescape
 from pathlib import Path
-from xml.parsers.expat import ExpatError, ParserCreate
 
 from robot_retarget.base.errors import RobotError
-from robot_retarget.base.untrusted.limits import one_line
 
 BODIES = 2000
 """Largest number of bodies, or of links of a URDF, replicas included; the models of MuJoCo Menagerie have up to 100."""
@@ -21,6 +21,12 @@ BYTES = 64 << 20
 """Largest model file without its meshes [bytes]."""
 COUNTED = ("replicate", "composite", "flexcomp")
 """Elements whose `count` multiplies what they hold."""
+TAG = re.compile(
+    r"""<!--(?:.*?-->|.*)|<!\[CDATA\[(?:.*?\]\]>|.*)|<(/?)([\w:.-]+)((?:[^<>"'/]|"[^"]*"|'[^']*'|/(?!>))*)(/?)>?""",
+    re.DOTALL,
+)
+"""A tag, with what MuJoCo's reader forgives: files that are read need not be well-formed."""
+ATTRIBUTE = re.compile(r"""([\w:.-]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
 UNITS = {"K": 10, "M": 20, "G": 30, "T": 40, "P": 50, "E": 60}
 """Suffixes of a size in memory, as powers of two."""
 
@@ -42,8 +48,8 @@ def require_bounded_model(path: Path) -> None:
             raise RobotError(f"{file} has {file.stat().st_size >> 20} MB without its meshes, more than {BYTES >> 20}")
         try:
             left += total.add(file)
-        except (ExpatError, UnicodeDecodeError) as error:
-            raise RobotError(f"{file}: MuJoCo does not load it: no XML in UTF-8: {one_line(str(error))}") from error
+        except UnicodeDecodeError as error:
+            raise RobotError(f"{file}: MuJoCo does not load it: no text in UTF-8: {error.reason}") from error
 
 
 class _Total:
@@ -54,15 +60,21 @@ class _Total:
 
     def add(self, file: Path) -> list[Path]:
         """Add a file, and return the files that it includes."""
-        times, included, reader = [1.0], list[Path](), ParserCreate("utf-8")
-
-        def begin(tag: str, attributes: dict[str, str]) -> None:
+        text, times, included = file.read_bytes().decode("utf-8-sig"), [1.0], list[Path]()
+        for found in TAG.finditer(text):
+            closing, tag, written, empty = found.groups()
+            if tag is None:
+                continue
+            if closing:
+                times = times[: max(len(times) - 1, 1)]
+                continue
+            attributes = {name: unescape(a or b or "") for name, a, b in ATTRIBUTE.findall(written)}
             self.elements += times[-1]
             self.bodies += times[-1] * (tag in ("body", "link"))
-            times.append(times[-1] * (_product(attributes, "count") if tag in COUNTED else 1))
+            inside = times[-1] * (_product(attributes, "count") if tag in COUNTED else 1)
             asked = {
                 "bodies": (self.bodies, BODIES),
-                "elements": (max(self.elements, times[-1]), ELEMENTS),
+                "elements": (max(self.elements, inside), ELEMENTS),
                 "elements in each other": (len(times), DEPTH),
                 "pixels of a texture": (_product(attributes, "width", "height") * (tag == "texture"), VALUES),
                 "heights of a field": (_product(attributes, "nrow", "ncol") * (tag == "hfield"), VALUES),
@@ -70,13 +82,12 @@ class _Total:
             }
             for what, (count, most) in asked.items():
                 if count > most:
-                    line = reader.CurrentLineNumber
+                    line = 1 + text.count("\n", 0, found.start())
                     raise RobotError(f"{file}: line {line}: {count:.4g} {what}, more than {most:,}")
+            if not empty:
+                times.append(inside)
             if tag in ("include", "model") and "file" in attributes:
                 included.append(file.parent / attributes["file"])
-
-        reader.StartElementHandler, reader.EndElementHandler = begin, lambda _: times.pop()
-        reader.Parse(file.read_bytes().decode("utf-8-sig"), True)
         return included
 
 
