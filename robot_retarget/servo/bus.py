@@ -24,12 +24,24 @@ from dynamixel_sdk import PortHandler
 from robot_retarget.actuators.control_tables import Register
 from robot_retarget.base.errors import ServoError
 from robot_retarget.servo import protocol
-from robot_retarget.servo.protocol import ALERT, BROADCAST, HEADER, LAST_ID, DynamixelPacket, Error, Instruction, Parser
+from robot_retarget.servo.protocol import (
+    ALERT,
+    BROADCAST,
+    HEADER,
+    LAST_ID,
+    NO_MORE,
+    DynamixelPacket,
+    Error,
+    Instruction,
+    Parser,
+)
 
 PATIENCE = 0.02
 """Timeout of an answer beyond its time on the wire [s]; covers the 16 ms of a USB adapter with default settings."""
 TRIES = 4
 """Number of attempts for a request that must not fail."""
+DEAD = 30.0
+"""An emulator in lockstep that is silent for this long hangs [s]."""
 TURN = 0.6e-3
 """Longest time before a servo answers, with the largest return delay [s]."""
 CHAIN = HEADER + bytes((BROADCAST,))
@@ -83,7 +95,7 @@ class Bus:
     Args:
         path: the serial port, or an emulator's.
         baud: one of those the SDK's port knows [1/s].
-        delay: additional timeout of every answer, for an emulator whose time stands still meanwhile [s].
+        lockstep: for an emulator whose time stands still meanwhile, which ends its answers by `NO_MORE`: nothing depends on the clock.
 
     Raises:
         ServoError: the port is not there, is in use, or does not know the baud rate.
@@ -92,8 +104,10 @@ class Bus:
     path: str
     baud: int
 
-    def __init__(self, path: str | Path, baud: int, delay: float = 0.0) -> None:
-        self.path, self.baud, self._delay = str(path), baud, delay
+    def __init__(self, path: str | Path, baud: int, lockstep: bool = False) -> None:
+        self.path, self.baud, self.lockstep = str(path), baud, lockstep
+        self._tail, self._over = b"", True
+        """In lockstep: bytes that may begin `NO_MORE`, and whether it has come."""
         self._port = SerialPort(self.path)
         self._parser = Parser()
         self._owner = threading.get_ident()
@@ -246,7 +260,7 @@ class Bus:
         return None
 
     def _deadline(self, size: int, servos: int, patience: float) -> float:
-        return time.monotonic() + size * 10 / self.baud + servos * TURN + patience + self._delay
+        return time.monotonic() + size * 10 / self.baud + servos * TURN + (DEAD if self.lockstep else patience)
 
     def _frames(self, until: float) -> Iterator[DynamixelPacket]:
         """Yield status frames until the timeout."""
@@ -261,6 +275,8 @@ class Bus:
         Raises:
             PortLostError: the port is gone.
         """
+        if self.lockstep and self._over:
+            return b""
         try:
             ready, _, _ = select.select([self._fd], [], [], max(0.0, until - time.monotonic()))
             if not ready:
@@ -270,7 +286,16 @@ class Bus:
             raise PortLostError(f"{self.path} is gone: {_reason(error)}") from error
         if not data:
             raise PortLostError(f"{self.path} is gone: the other end was closed")
-        return data
+        return self._to_the_end(data, until) if self.lockstep else data
+
+    def _to_the_end(self, data: bytes, until: float) -> bytes:
+        """Take `NO_MORE`, whole or in pieces, off received bytes."""
+        data = self._tail + data
+        self._over = data.endswith(NO_MORE)
+        cut = len(NO_MORE) if self._over else next((n for n in range(9, 0, -1) if data.endswith(NO_MORE[:n])), 0)
+        keep = len(data) - cut
+        self._tail = b"" if self._over else data[keep:]
+        return data[:keep] or self._fetch(until)
 
     def send(self, data: bytes) -> None:
         """Send frames; drop late answers to earlier ones.
@@ -280,6 +305,9 @@ class Bus:
         """
         if threading.get_ident() != self._owner:
             raise ServoError(f"{self.path} belongs to another thread")
+        while self.lockstep and not self._over:
+            if not self._fetch(time.monotonic() + DEAD) and not self._over:
+                raise PortLostError(f"{self.path} hangs: no emulator in lockstep")
         try:
             termios.tcflush(self._fd, termios.TCIFLUSH)
             self._parser.clear()
@@ -287,6 +315,7 @@ class Bus:
             while sent < len(data):
                 select.select([], [self._fd], [], 1.0)
                 sent += os.write(self._fd, data[sent:])
+            self._over, self._tail = not protocol.answered(data), b""
         except (*WIRE_ERRORS, ValueError) as error:
             raise PortLostError(f"{self.path} is gone: {_reason(error)}") from error
 

@@ -1,7 +1,7 @@
 """All servos of a map as arrays: goals, readings, and the age of lost readings."""
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -118,7 +118,13 @@ class Link:
     map: ServoMap
     scale: JointScale
 
-    def __init__(self, bus: Bus, servo_map: ServoMap, conditions: list[Condition]) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        servo_map: ServoMap,
+        conditions: list[Condition],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         self.bus, self.map, self.scale = bus, servo_map, JointScale(servo_map)
         self.gate: Gate = Gate(servo_map, self.scale)
         self.ids: list[int] = list(servo_map.ids)
@@ -138,7 +144,8 @@ class Link:
         """(n,) whether torque is on, as last read or written."""
         self.hardware: Ints = np.zeros(len(self.ids), dtype=np.int64)
         """(n,) `hardware_error_status`, as last read."""
-        self._heard = np.full(len(self.ids), time.monotonic())
+        self._clock = clock
+        self._heard = np.full(len(self.ids), clock())
         self._missed = np.zeros(len(self.ids), dtype=np.int64)
         self._place = {identity: k for k, identity in enumerate(self.ids)}
         self._turn = self._short = 0
@@ -159,7 +166,7 @@ class Link:
     @property
     def age(self) -> Floats:
         """(n,) since each servo's reading [s]; 0 for those of this tick."""
-        return np.where(self._missed > 0, time.monotonic() - self._heard, 0.0)
+        return np.where(self._missed > 0, self._clock() - self._heard, 0.0)
 
     @property
     def missed(self) -> np.ndarray:
@@ -238,7 +245,7 @@ class Link:
                 self._raw[k * size : (k + 1) * size] = reply.data
                 self.error[k] = reply.error | reply.alert << 7
                 self._missed[k] = 0
-                self._heard[k] = time.monotonic()
+                self._heard[k] = self._clock()
         self._mistrust_fast(bool(self._missed.any()))
         self.present = self.scale.radians(self._rows["position"])
 

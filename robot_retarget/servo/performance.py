@@ -69,9 +69,6 @@ STOPPING = (FaultError, NoAnswerError, StatusError)
 MADE_UP = 0.025
 """Ticks up to this late are sent at once, one after the other; later ones are skipped [s]. The motion keeps its mean speed."""
 
-STALL = 0.5
-"""Time that a busy computer may stop an emulator in lockstep without losing an answer [s]."""
-
 
 class _InterruptError(Exception):
     """Somebody asked to stop."""
@@ -102,7 +99,7 @@ class Performance:
         self.bus, self.map, self.options, self.record, self.say = bus, servo_map, options, record, say
         self.warnings: list[str] = []
         self.interrupts: Interrupts = Interrupts()
-        self._began = time.monotonic()
+        self._began = self._due = time.monotonic()
         self._rate = rate
         self._heeded = 0
         """Interrupts after which a motion went on into a stand."""
@@ -117,7 +114,7 @@ class Performance:
     def note_fault(self, text: str) -> None:
         """Record and report a fault that does not stop the motion."""
         self.warnings.append(text)
-        self.record.note(time.monotonic() - self._began, text)
+        self.record.note(self._now() - self._began, text)
         self.say(text)
 
     def run(self, act: Callable[[Cycle], str]) -> PlaybackOutcome:
@@ -130,7 +127,7 @@ class Performance:
         self.warnings += notes
         with self.interrupts.listening(), real_time(), without_sleep_states():
             try:
-                self.link = Link(self.bus, self.map, conditions)
+                self.link = Link(self.bus, self.map, conditions, self._now)
                 self.link.fast &= self.options.fast
                 self.say("taking hold")
                 self.cycle = self._engaged()
@@ -204,11 +201,11 @@ class Performance:
             final: gives the last tick.
             stop: called with a tick when somebody asks to stop, or a servo is hot; whether the steps after it lead into a stand.
         """
-        period, began = 1 / self._rate, time.monotonic()
+        period, began = 1 / self._rate, self._now()
         last, k = began, 0
         while k <= final():
             due = began + k * period
-            now = due if self.options.lockstep else wait_until(due)
+            now = self._wait(due)
             if now - last > self.map.limits.watchdog > 0:
                 raise FaultError(f"this computer paused for {now - last:.2f} s; the servos stopped themselves")
             last, made = now, step(k)
@@ -224,11 +221,21 @@ class Performance:
                 if self.interrupts.terminated or not stop(k):
                     raise _InterruptError
                 self._heeded = self.interrupts.count
+            self._due = due + period
             late = 0.0 if self.options.lockstep else time.monotonic() - due
             left_out = int(min(ticks_to_skip(late, period), max(0, final() - k - 1)))
             self.record.skipped += left_out
             k += 1 + left_out
         cycle.finish()
+
+    def _now(self) -> float:
+        """Return the time [s]: in lockstep that of the ticks."""
+        return self._due if self.options.lockstep else time.monotonic()
+
+    def _wait(self, due: float) -> float:
+        """Wait for a tick; return the time after it [s]."""
+        self._due = due
+        return due if self.options.lockstep else wait_until(due)
 
     # Endings
 
@@ -247,8 +254,8 @@ class Performance:
         """Ctrl-C: hold under watch for a while; a second one lets go."""
         if self.interrupts.terminated:
             return self._leave(PlaybackEnd.INTERRUPTED, "interrupted by SIGTERM, holding")
-        self.say(f"holding; Ctrl-C within {self.options.grace:g} s lets go")
         before = self.interrupts.count
+        self.say(f"holding; Ctrl-C within {self.options.grace:g} s lets go")
         try:
             self._watch(before)
         except PortLostError as error:
@@ -262,12 +269,12 @@ class Performance:
     def _watch(self, before: int) -> None:
         """Ticks on the last goal until the grace is over or somebody asks again."""
         assert self.cycle is not None
-        goal, due, period = self.cycle.guard.goal.copy(), time.monotonic(), 1 / self._rate
+        goal, due, period = self.cycle.guard.goal.copy(), self._now(), 1 / self._rate
         until = due + self.options.grace
-        while time.monotonic() < until and self.interrupts.count == before and not self.interrupts.terminated:
-            wait_until(due)
+        while due < until and self.interrupts.count == before and not self.interrupts.terminated:
+            self._wait(due)
             self.cycle.tick(Step(goal, "hold", goal), period, due)
-            due += period
+            self._due = due = due + period
         self.cycle.finish()
 
     def _gone(self, reason: str) -> PlaybackOutcome:
@@ -278,7 +285,7 @@ class Performance:
     def _outcome(self, ended: PlaybackEnd, state: str, reason: str) -> PlaybackOutcome:
         if self.cycle is not None:
             self.cycle.account()
-        self.record.note(time.monotonic() - self._began, f"{ended.name.lower()}: {reason}; {state}")
+        self.record.note(self._now() - self._began, f"{ended.name.lower()}: {reason}; {state}")
         figures = self.record.summary()
         if self.guard is not None:
             limited = zip(self.map.joints, self.guard.limited, strict=True)
@@ -307,7 +314,7 @@ def perform(
         raise ServoError(slow)
     if rate * watchdog < 2 and watchdog:
         raise ServoError(f"{rate:g} ticks a second do not feed a watchdog of {watchdog:g} s; {2 / watchdog:g} do")
-    with record.kept(log), Bus(port, servo_map.baud, STALL if options.lockstep else 0.0) as bus:
+    with record.kept(log), Bus(port, servo_map.baud, options.lockstep) as bus:
         return act(Performance(bus, servo_map, rate, options, record, say))
 
 

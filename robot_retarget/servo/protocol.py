@@ -18,6 +18,10 @@ LONGEST = 4096
 CLEAR_MULTI_TURN = b"\x01\x44\x58\x4c\x22"
 
 
+NO_MORE = HEADER + b"\xfd\x04\x00\x55\x00\x00\x00"
+"""Ends the answers to a request on an emulated bus in lockstep, whose time stands still: no servo has the id 253, and no checksum is 0."""
+
+
 class Instruction(IntEnum):
     """Instruction of a frame; STATUS is an answer."""
 
@@ -193,6 +197,11 @@ def fast_blocks(raw: bytes, sizes: Sequence[int]) -> Iterator[tuple[int, int, by
             crc = crc16(raw[end : end + 2], crc)
         yield raw[place], raw[place + 1], raw[place + 2 : end]
         place = end + 2
+
+
+def answered(frames: bytes) -> bool:
+    """Whether the last of some frames asks for an answer: all do but sync writes."""
+    return not frames or frames[frames.rfind(HEADER) + 7] != Instruction.SYNC_WRITE
 
 
 class Parser:

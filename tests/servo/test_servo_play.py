@@ -1,14 +1,12 @@
 """The fault matrix: whatever goes wrong, whenever, no goal leaves the limits, and the end is the right one.
 
-Every case plays against an emulator process over a pseudo terminal.
+Every case plays against an emulator process over a pseudo terminal, whose time goes by ticks: a busy machine changes nothing.
 """
 
 import os
 import signal
 import subprocess
 import sys
-import threading
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from emulated import ARM, QUICK, Emulated, emulated, until
+from emulated import ARM, QUICK, Emulated, emulated
 from shared_files import ROOT
 
 from robot_retarget.actuators.map import TICKS_PER_RADIAN, dump_map, load_map
@@ -37,12 +35,12 @@ PLAN = ServoPlan(np.array(START) + 0.3 * np.sin(2 * np.pi * 1.5 * TIME) * np.arr
     RATE
 )
 PHASE = {"approach": "approaching", "play": "playing", "end": "going"}
-OPTIONS = PlaybackOptions(grace=0.15)
+OPTIONS = PlaybackOptions(grace=0.15, lockstep=True)
 
 
 @pytest.fixture(scope="module")
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Emulated]:
-    with emulated(tmp_path_factory.mktemp("bus")) as emulator:
+    with emulated(tmp_path_factory.mktemp("bus"), ARM, "--lockstep", f"{RATE:g}") as emulator:
         yield emulator
 
 
@@ -116,7 +114,7 @@ def test_a_fault_on_the_way_stops_with_everybody_holding(
     if fault != "silent all":
         dead = {2, 3} if fault.split()[0] in ("overload", "shock", "limp") else set()
         assert all(s["torque_enable"] for k, s in emulator.servos().items() if k not in dead)
-        time.sleep(0.12)
+        emulator.do("wait 0.3")
         free = {k for k, s in emulator.servos().items() if s["bus_watchdog"] == 0}
         assert free >= ({1, 2, 3, 4} - ({2} if fault == "silent 2" else set()))
 
@@ -154,7 +152,7 @@ def test_a_joint_that_stays_at_its_step_cap_stops_the_motion(emulator: Emulated,
 def test_when_one_servo_goes_and_then_the_rest_nobody_is_blamed(emulator: Emulated, tmp_path: Path) -> None:
     def act() -> None:
         emulator.do("silent 1")
-        threading.Timer(0.04, emulator.do, ("silent all",)).start()
+        emulator.do(f"after {emulator.do('state')['time'] + 0.04} silent all")
 
     assert_match(STOPPED["silent all"], perform(emulator, tmp_path, "play", act).reason)
 
@@ -172,8 +170,8 @@ def test_a_pulled_cable_leaves_the_servos_to_their_watchdog(emulator: Emulated, 
     outcome = perform(emulator, tmp_path, phase, lambda: emulator.do("unplug"))
     assert (outcome.ended, outcome.state, outcome.exit_code) == (PlaybackEnd.LOST, "watchdog", 1)
     assert "is gone" in outcome.reason
-    until(lambda: all(s["bus_watchdog"] == -1 for s in emulator.servos().values()))
-    assert settling(emulator) < PROMPT
+    emulator.do("wait 0.3")
+    assert all(s["bus_watchdog"] == -1 for s in emulator.servos().values())
     require_harmless(emulator, tmp_path)
     emulator.do("plug")
     again = play(PLAN, ARM, emulator.port, OPTIONS, tmp_path / "play.npz")
@@ -186,24 +184,21 @@ def test_a_pulled_cable_leaves_the_servos_to_their_watchdog(emulator: Emulated, 
 def test_one_ctrl_c_holds_and_a_second_lets_go(
     emulator: Emulated, tmp_path: Path, phase: str, signals: Any, state: str
 ) -> None:
-    times: list[float] = []
+    asked: list[int] = []
 
-    def strike(number: int) -> None:
-        times.append(time.monotonic())
-        os.kill(os.getpid(), number)
+    def say(text: str) -> None:
+        if text.startswith("holding" if asked else PHASE[phase]) and len(asked) < len(signals):
+            asked.append(signals[len(asked)])
+            os.kill(os.getpid(), asked[-1])
 
-    def act() -> None:
-        for k, number in enumerate(signals):
-            threading.Timer(0.02 + 0.06 * k, strike, (number,)).start()
-
-    outcome = perform(emulator, tmp_path, phase, act)
-    ended = time.monotonic()
+    outcome = play(PLAN, ARM, emulator.port, OPTIONS, tmp_path / "play.npz", say)
     assert (outcome.ended, outcome.state, outcome.exit_code) == (PlaybackEnd.INTERRUPTED, state, 1)
     assert all(s["torque_enable"] == (state == "hold") for s in emulator.servos().values())
     assert all(s["bus_watchdog"] == 0 for s in emulator.servos().values())
     with np.load(tmp_path / "play.npz") as log:
-        ticks = np.count_nonzero(log["time"] > log["time"][-1] - (ended - times[-1]))
-    assert ticks < RATE * (PROMPT + OPTIONS.grace * (signals == (2,)))
+        names = log["phases"][log["phase"]]
+        assert np.count_nonzero(names == phase) == 1, "the tick at which it was asked"
+        assert np.count_nonzero(names == "hold") == (RATE * OPTIONS.grace if signals == (2,) else 0)
     require_harmless(emulator, tmp_path)
 
 
@@ -252,15 +247,15 @@ def test_ticks_too_slow_for_the_watchdog_are_refused(emulator: Emulated) -> None
 @pytest.mark.parametrize("fault", ["heat 17 75", "silent 20", "supply 9.7"])
 def test_a_fault_of_one_of_twenty_servos_stops_all_as_soon_at_any_rate(tmp_path: Path, fault: str) -> None:
     swing = ServoPlan(0.1 * np.sin(3 * TIME) * np.ones(20), 20.0)
-    with emulated(tmp_path, "op3") as twenty:
+    with emulated(tmp_path, "op3", "--lockstep", "20") as twenty:
 
         def say(text: str) -> None:
             if text.startswith("playing"):
-                threading.Timer(0.3, twenty.do, (fault,)).start()
+                twenty.do(f"after {twenty.do('state')['time'] + 0.3} {fault}")
 
-        outcome = play(swing, replace(load_map("op3"), limits=QUICK), twenty.port, say=say)
+        outcome = play(swing, replace(load_map("op3"), limits=QUICK), twenty.port, OPTIONS, say=say)
         assert (outcome.ended, outcome.state) == (PlaybackEnd.FAULT, "hold")
-        assert settling(twenty) < PROMPT
+        assert settling(twenty) <= PROMPT + 1e-9
 
 
 def test_a_port_that_is_not_there_is_said(tmp_path: Path) -> None:
@@ -276,19 +271,19 @@ def test_when_the_player_is_killed_the_servos_stop_by_themselves(
     code = (
         "import sys; sys.path.insert(0, 'tests/servo'); sys.path.insert(0, 'tests')\n"
         "from test_servo_play import *\n"
-        f"play(PLAN, ARM, {emulator.port!r}, OPTIONS, {str(tmp_path / 'play.npz')!r}, lambda text: print(text, flush=True))"
+        "add = Record.add\n"
+        "def watched(self, **row):\n"
+        "    add(self, **row)\n"
+        f"    if list(self.column('phase')).count({PHASES.index(phase)}) == 9: os.kill(os.getpid(), signal.SIGKILL)\n"
+        "Record.add = watched\n"
+        f"play(PLAN, ARM, {emulator.port!r}, OPTIONS, {str(tmp_path / 'play.npz')!r})"
     )
-    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, cwd=ROOT) as player:
-        assert player.stdout
-        while not player.stdout.readline().startswith(PHASE[phase]):
-            pass
-        time.sleep(0.1)
-        player.send_signal(signal.SIGKILL)
-        until(lambda: all(s["bus_watchdog"] == -1 for s in emulator.servos().values()))
-    assert all(s["torque_enable"] for s in emulator.servos().values())
+    assert subprocess.run([sys.executable, "-c", code], cwd=ROOT).returncode == -signal.SIGKILL
+    emulator.do("wait 0.3")
+    assert all(s["bus_watchdog"] == -1 and s["torque_enable"] for s in emulator.servos().values())
     left = np.load(tmp_path / "play.part.npy")
     assert left.dtype["goal"].shape == (4,) and (np.diff(left["time"]) > 0).all()
-    assert PHASES[int(left["phase"][-1])] == phase
+    assert np.count_nonzero(left["phase"] == PHASES.index(phase)) == 9
     seen = {s.id: s.radians(emulator.servos()[s.id]["goal_position"]) for s in ARM.servos}
     assert left["goal"][-1] == pytest.approx([seen[s.id] for s in ARM.servos], abs=0.02), "the last tick is in it"
 
@@ -310,7 +305,7 @@ def test_taking_hold_moves_nothing_from_250_random_poses(emulator: Emulated) -> 
     """The largest step at torque on is at most what the cap allows; here it is a tick of rounding."""
     rng = np.random.default_rng(5)
     scale = JointScale(ARM)
-    with Bus(emulator.port, ARM.baud) as bus:
+    with Bus(emulator.port, ARM.baud, lockstep=True) as bus:
         link = Link(bus, ARM, require_fit(bus, ARM)[0])
         for _ in range(250):
             emulator.spread(ARM, rng.uniform(scale.lower + 0.01, scale.upper - 0.01).tolist())

@@ -23,7 +23,7 @@ from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.emulator.network import Network
 from robot_retarget.servo.emulator.world import FaultInjector, Wire, World
 from robot_retarget.servo.host import real_time
-from robot_retarget.servo.protocol import DynamixelPacket, Instruction, Parser
+from robot_retarget.servo.protocol import NO_MORE, DynamixelPacket, Instruction, Parser
 
 # Transfer times of a real wire, servo and USB adapter.
 
@@ -154,7 +154,7 @@ class Server:
         lockstep: float | None = None,
     ) -> None:
         """`lockstep`: time by which each frame of goals advances the world, instead of the clock [s]."""
-        self._lockstep, self._ticks = lockstep, 0
+        self._lockstep, self._due = lockstep, 0.0
         self.network, self.world, self.timing, self.strict = network, world, timing, strict
         self.wire: Wire = Wire()
         self.faults: FaultInjector = FaultInjector(network, world, self.wire)
@@ -192,7 +192,7 @@ class Server:
         now = time.monotonic() - self._began
         if self._lockstep is None and (abs(now - self._through) > HUSH or now - self.world.time > TICK):
             self.world.advance(now)
-        self.faults.run_due(now)
+        self.faults.run_due(now if self._lockstep is None else self.world.time)
         if self.terminal is not None:
             if self.terminal.master in ready:
                 self._listen(self.terminal, now)
@@ -221,15 +221,17 @@ class Server:
     def _answer(self, frames: Sequence[Any], now: float) -> None:
         for frame in frames:
             if self._lockstep is not None and _has_goals(frame):
-                self._ticks += 1
-                self.world.advance(
-                    self._ticks * self._lockstep + self.world.step / 2
-                )  # whole steps in spite of rounding
+                self._due += self._lockstep
+                if self.world.time > self._due:  # `wait`
+                    self._due = self.world.time + self._lockstep
+                self.world.advance(self._due + self.world.step / 2)  # whole steps in spite of rounding
             self.timing.request(now, 10 + len(frame.stuffed))
             for answer in self.network.answer(frame):
                 due = self.timing.answer(now, len(answer.data), answer.delay) + self.wire.delay
                 self._out.append((due, self.wire.received(answer.data)))
                 self._through = due
+            if self._lockstep is not None and frame.instruction != Instruction.SYNC_WRITE:
+                self._out.append((self._through if self._out else now, NO_MORE))
 
     def _send(self, terminal: Terminal) -> None:
         """Send all answers that are due; wait for those due within a moment."""
