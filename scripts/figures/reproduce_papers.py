@@ -1,7 +1,7 @@
 """Regenerate the figures and tables of the distance geometry papers: `python scripts/figures/reproduce_papers.py`.
 
 Writes PNGs to docs/papers/ and the table of what the papers say and what comes out here between the marks of
-docs/papers.md. `--only NAME …` limits it to some figures, `--out DIR` writes pictures and a table elsewhere.
+benchmarks/papers.md. `--only NAME …` limits it to some figures, `--out DIR` writes pictures and a table elsewhere.
 """
 
 import argparse
@@ -336,7 +336,7 @@ def main() -> None:
         print(f"{name}: {time.perf_counter() - began:.1f} s", flush=True)
     table = "\n".join(lines) + "\n"
     if options.out is None and options.only == list(FIGURES):
-        page = DOCS / "papers.md"
+        page = DOCS.parent / "benchmarks/papers.md"
         head, rest = page.read_text(encoding="utf-8").split(START)
         page.write_text(f"{head}{START}\n{table}{END}{rest.split(END)[1]}", encoding="utf-8")
     else:

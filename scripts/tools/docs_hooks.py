@@ -1,7 +1,7 @@
 """MkDocs hooks: one page for each command and for each public name, written from the code itself.
 
 MkDocs calls `on_files` once and `on_page_markdown` for every page. The lines `<!-- commands -->` and `<!-- names -->` of a page
-become lists of links to these pages.
+become lists of links to these pages, `<!-- figures -->` and `<!-- formats -->` tables.
 """
 
 from collections.abc import Iterator
@@ -10,6 +10,8 @@ from typing import Any
 import typer.main
 
 import robot_retarget
+from robot_retarget.formats import FORMATS
+from robot_retarget.scores.score import FIGURES
 from robot_retarget.tools.cli import app
 
 GROUPS = {
@@ -54,7 +56,28 @@ def on_files(files: Any, config: Any) -> Any:
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
     """Replace the markers of a page by lists of links."""
-    return markdown.replace("<!-- commands -->", command_list()).replace("<!-- names -->", name_list())
+    for marker, made in (
+        ("commands", command_list),
+        ("names", name_list),
+        ("figures", figure_list),
+        ("formats", format_list),
+    ):
+        markdown = markdown.replace(f"<!-- {marker} -->", made()) if f"<!-- {marker} -->" in markdown else markdown
+    return markdown
+
+
+def format_list() -> str:
+    """Return a table of the formats of robot motion."""
+    rows = [
+        f"| `{one.name}` | {one.suffix or 'folder'} | {one.description} | {one.readers} |" for one in FORMATS.values()
+    ]
+    return "\n".join(["| format | file | holds | read by |", "|---|---|---|---|", *rows])
+
+
+def figure_list() -> str:
+    """Return a table of the figures of a score."""
+    rows = [f"| `{one.name}` | {one.unit or '1'} | {one.better} | {one.what} |" for one in FIGURES.values()]
+    return "\n".join(["| figure | unit | better | meaning |", "|---|---|---|---|", *rows])
 
 
 def commands() -> Iterator[tuple[str, Any]]:

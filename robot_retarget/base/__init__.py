@@ -1,0 +1,1 @@
+"""Arrays, errors, files and untrusted input: what every folder uses."""
