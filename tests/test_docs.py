@@ -1,6 +1,7 @@
 """The documentation runs: its commands parse, its Python works, its links and its API page are complete."""
 
 import contextlib
+import importlib
 import os
 import re
 import runpy
@@ -95,6 +96,9 @@ def test_every_public_name_has_a_page_and_is_listed_once() -> None:
     listed = [name for group in hooks["groups"]().values() for name in group]
     assert sorted(listed) == sorted(dir(robot_retarget))
     assert {label for label, _ in hooks["names"]()} >= set(listed)
+    for _, path in hooks["names"]():
+        module, _, name = path.rpartition(".")
+        assert hasattr(importlib.import_module(module), name), path
 
 
 @pytest.mark.parametrize("page", RUN)

@@ -34,10 +34,10 @@ GROUPS = {
 """Public names by stage; names that are not listed form a group of their own."""
 OPTIONS = {
     "Weights": "graph.weights.Weights",
-    "SolveOptions": "solve.options.SolveOptions",
-    "Search": "solve.options.Search",
-    "BalanceOptions": "balance.balanced_ik.BalanceOptions",
-    "Playback": "simulate.stepping.Playback",
+    "SolveOptions": "solver.options.SolveOptions",
+    "Search": "solver.options.Search",
+    "BalanceOptions": "solver.balance.balanced_ik.BalanceOptions",
+    "Playback": "judge.playback.Playback",
     "PlaybackOptions": "servo.outcome.PlaybackOptions",
 }
 """Option classes and their modules."""
