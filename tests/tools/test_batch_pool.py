@@ -107,7 +107,7 @@ def test_a_parent_that_is_killed_leaves_no_worker_and_continues(clips: Path, don
     children = psutil.Process(process.pid).children()
     process.kill()
     process.wait()
-    psutil.wait_procs(children, timeout=10)
+    psutil.wait_procs(children, timeout=600)
     assert not any(child.is_running() and child.status() != psutil.STATUS_ZOMBIE for child in children)
     run(job_of(clips, out), here)
     assert {name: data for name, data in contents(out).items() if name.endswith((".npz", ".jsonl"))} == contents(done)

@@ -68,7 +68,7 @@ def opened(path: Path, folder: Path) -> tuple[str, np.ndarray]:
     """What a browser says of a page, and the page as it shows it."""
     shot = folder / "shot.png"
     command = [str(CHROMIUM), *QUIET, f"--user-data-dir={folder / 'profile'}", f"--screenshot={shot}", path.as_uri()]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=600)
     return done.stderr, np.asarray(Image.open(shot).convert("RGB"), dtype=int)
 
 
