@@ -1,7 +1,7 @@
 """The first lines that a script has: look, save, cut, print."""
 
 from pathlib import Path
-from typing import get_args, get_type_hints
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
 import pytest
@@ -9,7 +9,9 @@ from made_trajectories import wander
 
 import robot_retarget as rr
 from robot_retarget.base.files import SAMPLES
+from robot_retarget.graph.describe import DescribeArguments
 from robot_retarget.graph.graph import EdgeError
+from robot_retarget.solver.pipeline import RetargetArguments
 from robot_retarget.tools.cli import options
 
 OP3 = rr.load_robot("op3")
@@ -46,9 +48,14 @@ def test_an_edge_that_costs_most_is_printed_in_one_short_line() -> None:
 
 
 def test_the_shell_offers_the_words_that_python_takes() -> None:
-    shell, python = (
-        get_type_hints(options.GraphOptions) | get_type_hints(options.FollowOptions),
-        get_type_hints(rr.retarget),
-    )
+    shell = get_type_hints(options.GraphOptions) | get_type_hints(options.FollowOptions)
+    python = get_type_hints(RetargetArguments)
     for name in ("legs", "balance", "preset", "terrain"):
         assert shell[name] == python[name] and len(get_args(shell[name])) > 1
+    assert set(options.GraphOptions().arguments()) == DescribeArguments.__annotations__.keys() - {"weights"}
+
+
+@pytest.mark.parametrize("function", [rr.describe, rr.retarget])
+def test_an_unknown_keyword_is_refused_by_name(function: Any) -> None:
+    with pytest.raises(TypeError, match="unexpected keyword argument 'presett'"):
+        function(SAMPLES / "wave.bvh", OP3, presett="balanced")

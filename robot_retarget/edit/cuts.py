@@ -6,11 +6,13 @@ its own, with the frames and the goals of the playback up to its moment, and it 
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Floats, minimum_jerk
+from robot_retarget.base.choices import Balance
 from robot_retarget.base.errors import BalanceError, TrajectoryError, UsageError
 from robot_retarget.edit.sequence import Part
 from robot_retarget.human.resample import at_frames
@@ -127,7 +129,7 @@ def _branch(part: Part, robot: Robot, frame: int) -> Trajectory:
     trajectory, run_up = part.trajectory, min(frame, round(RUN_UP * part.motion.fps))
     frames = coming_to_rest(frame, run_up, trajectory.fps)
     motion = at_frames(part.motion, frames, trajectory.fps)
-    result = carried(motion, robot, legs="follow", balance=trajectory.balance)
+    result = carried(motion, robot, legs="follow", balance=cast(Balance, trajectory.balance))
     assert result.balance is not None
     timeline = result.balance.timeline
     begin = int(np.flatnonzero((timeline.share >= 1) & (timeline.at >= run_up))[0])

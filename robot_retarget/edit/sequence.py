@@ -8,13 +8,12 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Unpack
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import JERK_PEAK, Floats, minimum_jerk
-from robot_retarget.base.choices import Balance, Legs
 from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.base.keypoints import ARM, SIDES
 from robot_retarget.edit.seam import Seam, Stances, found_seam, table_of
@@ -26,7 +25,7 @@ from robot_retarget.human.skeleton import backward, forward
 from robot_retarget.robot import Robot, as_robot
 from robot_retarget.robot.timing import resample
 from robot_retarget.solver.balance.balance import balance_modes
-from robot_retarget.solver.pipeline import Result, carried
+from robot_retarget.solver.pipeline import Result, SpliceArguments, TransferArguments, carried
 from robot_retarget.trajectory import Trajectory
 
 # Motions of one performer made into one: joined at seams, spliced of legs and arms, at another speed.
@@ -154,9 +153,7 @@ def sequence(
     best: bool = False,
     fade: float | None = None,
     speed: float = 1.0,
-    legs: Legs = "auto",
-    balance: Balance = "auto",
-    **options: Any,
+    **how: Unpack[TransferArguments],
 ) -> Result:
     """Return trajectories one after the other, with seams that are solved as any motion.
 
@@ -171,9 +168,7 @@ def sequence(
         best: move every seam to the best frames within `seam.NEAR`.
         fade: duration of a seam [s]; by default as long as the joints need, `FADE` at least.
         speed: factor of the speed [-].
-        legs: `auto`, `follow` or `stand`, with balance.
-        balance: `auto`, `static`, `dynamic` or `off`.
-        options: further ones of `transfer`: `fps`, `weights`, `preset`, `progress`.
+        how: as `TransferArguments` states; balance is `auto` by default.
 
     Raises:
         UsageError: no clip, a seam outside its clips, or a duration or speed that is not positive.
@@ -188,7 +183,8 @@ def sequence(
             raise UsageError(f"the {what} must be positive, got {value:g}")
     if len(at) >= len(clips):
         raise UsageError(f"{len(at)} seams were given, {len(clips)} clips have {len(clips) - 1}")
-    planned = bool(balance_modes(model, legs, balance))
+    how.setdefault("balance", "auto")
+    planned = bool(balance_modes(model, how.get("legs", "auto"), how.get("balance", "auto")))
     parts = _parts(clips, model)
     wanted = [*at, *[None] * (len(parts) - 1 - len(at))]
     seams = [
@@ -198,16 +194,14 @@ def sequence(
     motion = joined([part.motion for part in parts], seams)
     if planned:
         motion = motion.frames(parts[0].lead_in, len(motion) - parts[-1].lead_out)
-    return carried(retimed(motion, speed) if speed != 1 else motion, model, legs=legs, balance=balance, **options)
+    return carried(retimed(motion, speed) if speed != 1 else motion, model, **how)
 
 
 def splice(
     legs: Trajectory | str | Path,
     arms: Trajectory | str | Path,
     robot: Robot | str | Path,
-    *,
-    balance: Balance = "auto",
-    **options: Any,
+    **how: Unpack[SpliceArguments],
 ) -> Result:
     """Return a trajectory with the legs, trunk and head of one and the arms of another, solved as any motion.
 
@@ -217,8 +211,7 @@ def splice(
         legs: a trajectory of the robot, or a file that `load_trajectory` reads.
         arms: another.
         robot: a robot, or a name or model file that `load_robot` loads.
-        balance: `auto`, `static`, `dynamic` or `off`.
-        options: further ones of `transfer`: `fps`, `weights`, `preset`, `progress`.
+        how: as `SpliceArguments` states; balance is `auto` by default.
 
     Raises:
         TrajectoryError: a trajectory belongs to another robot.
@@ -226,9 +219,10 @@ def splice(
     model = as_robot(robot)
     lower, upper = _parts([legs, arms], model)
     motion = spliced(lower.motion, upper.motion)
-    if balance_modes(model, "auto", balance):
+    how.setdefault("balance", "auto")
+    if balance_modes(model, "auto", how.get("balance", "auto")):
         motion = motion.frames(lower.lead_in, len(motion) - lower.lead_out)
-    return carried(motion, model, balance=balance, **options)
+    return carried(motion, model, **how)
 
 
 @dataclass(frozen=True)

@@ -75,7 +75,7 @@ def _require(wanted: str, path: Path) -> Path:
 if TYPE_CHECKING:
     from robot_retarget.actuators.map import ServoMap
     from robot_retarget.base.progress import Progress
-    from robot_retarget.graph.describe import RobotGraph
+    from robot_retarget.graph.describe import DescribeArguments, RobotGraph
     from robot_retarget.human.motion import Motion
     from robot_retarget.robot import Robot
     from robot_retarget.solver.pipeline import Result
@@ -329,16 +329,18 @@ class GraphOptions(SceneOptions, RateOptions, MapOptions):
         """Return the graph of a motion on a robot."""
         from robot_retarget.graph.describe import describe
 
-        scale, what = self.scale, (motion, robot)
-        return describe(
-            *what,
-            fps=self.fps,
-            overrides=self.map_file,
-            preset=self.preset,
-            scene=self.scene,
-            scene_scale=scale,
-            terrain=self.terrain,
-        )
+        return describe(motion, robot, **self.arguments())
+
+    def arguments(self) -> "DescribeArguments":
+        """Return the keywords of `describe`."""
+        return {
+            "fps": self.fps,
+            "overrides": self.map_file,
+            "preset": self.preset,
+            "scene": self.scene,
+            "scene_scale": self.scale,
+            "terrain": self.terrain,
+        }
 
 
 @options
