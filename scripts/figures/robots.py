@@ -36,16 +36,21 @@ HEAD = """# Robots that were tried
 
 ![{count} robots in the same moment of the wave, each next to the human]({picture})
 
-| robot | source | joints | keypoints | limb error [°] | CPU time of a frame [ms] | simulation |
-|---|---|---|---|---|---|---|
-"""
-FOOT = """
+`benchmarks/robots.md` has the source of each model, its joints, the recognised keypoints, the limb error, the time of a frame and the verdict.
+
 - Keypoints: {all} where a robot has arms, legs and a head. A robot without a part performs with the parts it has.
 - Limb error: mean angle between the limbs of robot and human (`limb_deg_mean` of [score](reference/scores.md)).
 - Simulation: free-standing, with the actuators of the model file, in one world. The wave is solved with `--balance off`.
   [Your own robot](tutorials/own-robot.md) shows how the OP3 passes with its servos. Some models have torque motors whose gains
   no bound limits: `simulate` refuses their goals.
 - `python scripts/figures/robots.py FOLDER` makes this page from the model files of the repositories.
+"""
+TABLE = """# Robots that were tried
+
+`scripts/figures/robots.py` writes this table.
+
+| robot | source | joints | keypoints | limb error [°] | CPU time of a frame [ms] | simulation |
+|---|---|---|---|---|---|---|
 """
 
 
@@ -122,10 +127,11 @@ def main() -> None:
     folder(given.out.parent)
     with replacing(given.out.with_suffix(".webp")) as scratch:
         sheet(t.picture for t in trials if t.picture).save(scratch, "WEBP", quality=80)
-    text = HEAD.format(count=len(trials), picture=f"{given.out.name}.webp")
-    rows = "\n".join(t.row for t in trials)
-    with replacing(given.out.with_suffix(".md")) as scratch:
-        scratch.write_text(text + rows + "\n" + FOOT.format(all=KEYPOINTS), encoding="utf-8")
+    text = HEAD.format(count=len(trials), picture=f"{given.out.name}.webp", all=KEYPOINTS)
+    table = TABLE + "\n".join(t.row for t in trials) + "\n"
+    for path, content in ((given.out.with_suffix(".md"), text), (Path("benchmarks/robots.md"), table)):
+        with replacing(path) as scratch:
+            scratch.write_text(content, encoding="utf-8")
 
 
 if __name__ == "__main__":
