@@ -121,6 +121,8 @@ class PlaybackPhase(Phase):
     """π of the pelvis in a stand."""
     height: float
     """π of the height of the pelvis, over the squared leg."""
+    trunk: float
+    """Factor of π of the upward directions of pelvis and chest outside the stands."""
 
     def of(self, track: Track) -> Track:
         """Return the targets with the priorities multiplied by the share."""

@@ -14,7 +14,7 @@ def test_servos_from_another_folder_mean_a_robot_that_stands_free(tmp_path: Path
     model = shutil.copytree(MODELS / "op3", tmp_path / "own") / "op3.xml"
     servos = (model.parent / "servos.toml").rename(tmp_path / "my.toml")
     assert balance_modes(load_robot(model), "auto", "auto") == ()
-    assert balance_modes(load_robot(model, None, servos), "auto", "auto") == ("static", "dynamic")
+    assert balance_modes(load_robot(model, None, servos), "auto", "auto") == ("dynamic", "static")
 
 
 def test_a_walk_too_fast_for_static_balance_walks_in_dynamic_balance_instead_of_standing() -> None:

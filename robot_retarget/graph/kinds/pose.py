@@ -160,9 +160,12 @@ class OrientationKind(Kind):
         return _Markers(ends=ends, axes=axes, priority=priority)
 
     def renewed(self, track: Track, measured: Floats | None, phase: Phase) -> Track:
-        """Return in a stand the rotation of the pelvis in the standing pose."""
-        if measured is None or not isinstance(phase, StandPhase):
+        """Return in a stand the rotation of the pelvis in the standing pose, in a playback a trunk that leans as the human's."""
+        if measured is None or not isinstance(phase, PlaybackPhase):
             return phase.of(track)
+        if not isinstance(phase, StandPhase):
+            trunk = np.array([segment in ("pelvis", "chest") and marker == "up" for segment, marker in track.ends])
+            return phase.of(track).weighed(np.where(trunk, phase.trunk, 1.0))
         weight = np.where([a == "pelvis" for a, _ in track.ends], phase.upright, 0.0)
         return replace(track, lower=measured, upper=measured, priority=weight[None])
 

@@ -21,6 +21,7 @@ from robot_retarget.scene.geoms import SolidGround
 from robot_retarget.scores.likeness import likeness_of
 from robot_retarget.solver.balance.balanced_ik import BalancedIk, balanced_stand, in_place, posed_in_place, stand_places
 from robot_retarget.solver.balance.footsteps import (
+    REACH,
     StepRule,
     planted_feet,
     reachable_footholds,
@@ -60,7 +61,7 @@ def balance_modes(robot: Robot, legs: str, balance: str) -> tuple[str, ...]:
         raise UsageError("legs 'stand' needs balance: 'static' or 'dynamic'")
     if balance == "auto":
         free = robot.floating and robot.servo_map is not None
-        modes = ("static",) if legs == "stand" else ("static", "dynamic") if free else ()
+        modes = ("static",) if legs == "stand" else ("dynamic", "static") if free else ()
     else:
         modes = () if balance == "off" else (balance,)
     if modes and not robot.floating:
@@ -72,7 +73,7 @@ def balance_modes(robot: Robot, legs: str, balance: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Acceptable:
-    """Limits of a playback with following legs; beyond them the next mode is tried, and then both feet stay in place."""
+    """Limits of a playback with following legs; beyond them shorter steps are tried, then the next mode, then both feet in place."""
 
     slowdown: float = 2.5
     """Duration, over the human's [-]."""
@@ -80,8 +81,9 @@ class Acceptable:
     """Mean angle of thighs and shins to the human's [rad]."""
     trunk: float = 0.25
     """Mean angle of the trunk [rad]."""
-    margin: float = 0.0
-    """Least distance of the zero moment point from the edge of the support [m]."""
+    margin: float = 0.025
+    """Least distance of the zero moment point from the edge of the support, over the leg: 5.5 mm on the OP3, which falls in soft worlds with
+    margins of up to 5 mm [-]."""
 
 
 def in_balance(
@@ -111,34 +113,40 @@ def in_balance(
             if legs == "follow":
                 raise
             reason = str(error).split(": a robot that stands free")[0]
-    balanced, graph, solution = _played_as(ik, draft, _standing(ik, draft.trajectory.qpos), modes[0], count)
+    balanced, graph, solution = _played_as(ik, draft, _standing(ik, draft.trajectory.qpos), modes[-1], count)
     return replace(balanced, legs="stand", instead=reason), graph, solution
 
 
 def _following(
     ik: BalancedIk, draft: Solution, modes: tuple[str, ...], count: Count, acceptable: Acceptable | None
 ) -> tuple[Balanced, RobotGraph, Solution]:
-    """Return a playback with following legs in the first mode in which it is acceptable.
+    """Return a playback with the human's steps, or else with shorter ones, in the first mode in which it is acceptable.
 
     Args:
-        acceptable: limits of the last mode.
+        acceptable: limits of the last attempt.
 
     Raises:
-        BalanceError: the motion leaves the floor, or no mode is acceptable.
+        BalanceError: the motion leaves the floor, or no attempt is acceptable.
     """
-    clip = _stepping(ik, draft.trajectory.qpos)
-    for mode in modes[:-1]:
+    planned = _stepping(ik, draft.trajectory.qpos)
+    if planned.planted.all():  # nothing is lost in static balance
+        attempts = [(mode, planned) for mode in reversed(modes)]
+    else:
+        shorter = {share: _stepping(ik, draft.trajectory.qpos, share) for share in (0.75, 0.5)}
+        steps = {"dynamic": (planned, *shorter.values()), "static": (shorter[0.5],)}
+        attempts = [(mode, clip) for mode in modes for clip in steps[mode]]
+    for mode, clip in attempts[:-1]:
         try:
             return _played_as(ik, draft, clip, mode, count, Acceptable())
         except BalanceError:
             continue
-    return _played_as(ik, draft, clip, modes[-1], count, acceptable)
+    return _played_as(ik, draft, attempts[-1][1], attempts[-1][0], count, acceptable)
 
 
-def _require_margin(found: Balanced, least: Acceptable) -> None:
-    """Raises: BalanceError: the zero moment point leaves the support."""
+def _require_margin(found: Balanced, least: float) -> None:
+    """Raises: BalanceError: the zero moment point comes nearer to the edge of the support [m]."""
     worst = int(found.margin.argmin())
-    if found.margin[worst] < least.margin:
+    if found.margin[worst] < least:
         raise BalanceError(f"stepping would tip the robot over at {worst / found.timeline.fps:.1f} s of the playback")
 
 
@@ -165,7 +173,7 @@ def _played_as(
     motion = at_frames(clip.graph.motion, found.timeline.at, ik.graph.fps)
     played = replace(clip.graph.at(frames), motion=motion, tracks=found.tracks)
     if acceptable:
-        _require_margin(found, acceptable)
+        _require_margin(found, acceptable.margin * ik.leg)
         _require_alike(played, found.qpos, found.timeline.share >= 1, acceptable)
     solution = solution_of(ik.solver, played, list(found.poses), draft.timings)
     times = np.interp(found.timeline.at, np.arange(len(ik.graph)), draft.trajectory.source_time)
@@ -184,8 +192,8 @@ def _standing(ik: BalancedIk, draft: Floats) -> PlaybackClip:
     )  # fmt: skip
 
 
-def _stepping(ik: BalancedIk, draft: Floats) -> PlaybackClip:
-    """Return the draft with steps within the robot's reach; its body follows them.
+def _stepping(ik: BalancedIk, draft: Floats, share: float = 1.0) -> PlaybackClip:
+    """Return the draft with steps within a share of the robot's reach; its body follows them.
 
     Raises:
         BalanceError: the motion leaves the floor.
@@ -199,7 +207,7 @@ def _stepping(ik: BalancedIk, draft: Floats) -> PlaybackClip:
     kept = without_small_swings(planted, corners, ik.leg, fps, ground=ground)
     if kept.all() or graph.bodies is not None:  # a shorter step would miss its place next to a body
         return PlaybackClip(graph, draft, corners, kept, fps, ground=ground)
-    placed = reachable_footholds(kept, corners, own, ik.leg)
+    placed = reachable_footholds(kept, corners, own, ik.leg, share * REACH)
     root = slice(ik.robot.root_address, ik.robot.root_address + 2)
     posed = np.array(draft)
     posed[:, root] += gaussian_filter1d((placed - corners).mean(axis=(1, 2))[:, :2], SWAY * fps, axis=0, mode="nearest")

@@ -149,11 +149,14 @@ def _hand_over(planted: np.ndarray) -> None:
 
 # Steps within the reach of short legs: the place of each foothold relative to the other foot's stance.
 #
-# A robot on bent knees and flat soles reaches less far than a human who rolls over heel and toes. The robot's own stand
-# defines the place of each foot relative to the other. A foothold too far from that place moves nearer, and all later
+# A robot on flat soles reaches less far than a human who rolls over heel and toes: over a step its pelvis sinks until both
+# legs reach the floor. The robot's own stand defines the place of each foot relative to the other. A foothold too far from that place moves nearer, and all later
 # footholds move by the same amount, so steps within reach stay unchanged.
 
-REACH = 0.35
+SINK = 0.055
+"""Largest depth by which the pelvis sinks over a step of straight legs, over the leg length: in the middle of the next stance the knee
+bends as far. The OP3's steps of 0.5 to 0.65 of a leg fall as rarely as those of 0.35."""
+REACH = 2 * np.sqrt(1 - (1 - SINK) ** 2)
 """Largest distance of a foothold from its place next to the other foot, over the leg length."""
 
 

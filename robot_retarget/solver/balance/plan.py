@@ -9,7 +9,7 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.base.arrays import JERK_PEAK, Floats, minimum_jerk
+from robot_retarget.base.arrays import JERK_PEAK, Floats, minimum_jerk, smoothstep
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.soles import flattened, heading
 from robot_retarget.robot.kinematics import difference, integrate
@@ -23,7 +23,7 @@ from robot_retarget.trajectory import Trajectory
 # A path of the centre of mass over a clip, planned with preview: one quadratic program over all frames.
 #
 #     minimise  Σ ‖c_t − c⁰_t‖² + j Σ ‖c_{t+3} − 3c_{t+2} + 3c_{t+1} − c_t‖² (rate)⁶ + penalty Σ s_t²
-#     subject to  A_t c_t ≤ b_t + s_t   (static)      A_t (c_t − (z_t/g) c̈_t) ≤ b_t + s_t   (zero moment point)
+#     subject to  A_t c_t ≤ b_t + s_t   (static)      A_t (c_t − (z_t/g) c̈_t + d_t) ≤ b_t + s_t   (zero moment point)
 #
 # with the support polygons {x : A_t x ≤ b_t} shrunk towards their middles. Every frame uses the supports of all later
 # frames, so weight is shifted before a foot lifts.
@@ -53,9 +53,18 @@ class ZmpPlan:
     """(T, 2) path of the centre of mass [m]."""
     excess: Floats
     """(T,) distance outside the shrunk polygons [m]."""
+    pendulum: Floats
+    """(T, 2) zero moment point of a pendulum with that path [m]."""
 
 
-def plan_centre(targets: Floats, lever: Floats, supports: list[Polygon], fps: float, how: Steadiness) -> ZmpPlan:
+def plan_centre(
+    targets: Floats,
+    lever: Floats,
+    supports: list[Polygon],
+    fps: float,
+    how: Steadiness,
+    drift: Floats | None = None,
+) -> ZmpPlan:
     """Plan the path of the centre of mass by the quadratic program of this module.
 
     Args:
@@ -64,6 +73,7 @@ def plan_centre(targets: Floats, lever: Floats, supports: list[Polygon], fps: fl
         supports: T support polygons.
         fps: frames per second [1/s].
         how: weights of the program, and whether the centre of mass itself stays in the polygons.
+        drift: (T, 2) distance of the zero moment point from that of the pendulum, d_t [m]; zero by default.
 
     Returns:
         The path, and the distance by which each frame exceeds its polygon.
@@ -71,22 +81,25 @@ def plan_centre(targets: Floats, lever: Floats, supports: list[Polygon], fps: fl
     count = len(targets)
     acceleration = _second(count) * fps**2
     point = sparse.eye(count) - sparse.diags(lever) @ acceleration
-    kinds = [sparse.eye(count), point] if how.static else [point]
     shrunk = [polygon.shrunk(how.keep) for polygon in supports]
-    rows, least = zip(*[_inside(shrunk, take) for take in kinds], strict=True)
+    inside = [_inside(shrunk, sparse.eye(count), None)] if how.static else []
+    rows, least = zip(*inside, _inside(shrunk, point, drift), strict=True)
     third = _third(count) * fps**3
     smooth = how.jerk * (third.T @ third) + how.pull * sparse.eye(count)
     hessian = 2 * sparse.block_diag([smooth, smooth, how.penalty * sparse.eye(count)], format="csc")
     gradient = np.concatenate([-2 * how.pull * targets[:, 0], -2 * how.pull * targets[:, 1], np.zeros(count)])
     found = _solve(hessian, gradient, sparse.vstack(rows, format="csc"), np.concatenate(least))
-    return ZmpPlan(found[: 2 * count].reshape(2, count).T, np.maximum(found[2 * count :], 0.0))
+    centre = found[: 2 * count].reshape(2, count).T
+    return ZmpPlan(centre, np.maximum(found[2 * count :], 0.0), np.asarray(point @ centre))
 
 
-def _inside(supports: list[Polygon], take: Any) -> tuple[Any, Floats]:
-    """Return rows (c_x, c_y, s) ↦ A_t (take c)_t − s_t ≤ b_t of all frames, and their bounds."""
+def _inside(supports: list[Polygon], take: Any, drift: Floats | None) -> tuple[Any, Floats]:
+    """Return rows (c_x, c_y, s) ↦ A_t (take c)_t − s_t ≤ b_t − A_t d_t of all frames, and their bounds."""
     frames = np.concatenate([np.full(len(p.bounds), t) for t, p in enumerate(supports)])
     normals, bounds = np.concatenate([p.normals for p in supports]), np.concatenate([p.bounds for p in supports])
     pick = sparse.csr_matrix((np.ones(len(frames)), (np.arange(len(frames)), frames)), (len(frames), len(supports)))
+    if drift is not None:
+        bounds = bounds - (normals * drift[frames]).sum(axis=1)
     taken = pick @ take
     rows = sparse.hstack([sparse.diags(normals[:, 0]) @ taken, sparse.diags(normals[:, 1]) @ taken, -pick])
     return rows, bounds
@@ -136,13 +149,6 @@ def _third(count: int) -> Any:
 
 LEAD = 1.5
 """Least time from the stand to the clip's first pose, and from its last pose back [s]."""
-LIFT = 0.8
-"""Additional time to lift or put down a foot that is in the air in that pose [s], multiplied by the local slowdown
-..."""
-SLOWEST_LIFT = 2.5
-"""... up to this factor ..."""
-SETTLED = 0.4
-"""... with the weight on the other foot for this time before [s]."""
 LEAD_SPEED = 1.2
 """Peak joint speed on the transition [rad/s]."""
 ARC = 0.1
@@ -161,6 +167,25 @@ class Timeline:
     """(K, F) feet on the floor."""
     fps: float
 
+    @property
+    def phase(self) -> Floats:
+        """(K,) strictly increasing: time on the clip, and on the stands before and after it [s]."""
+        inside, frames = np.flatnonzero(self.share >= 1), np.arange(len(self.at))
+        return (self.at + np.minimum(frames - inside[0], 0) + np.maximum(frames - inside[-1], 0)) / self.fps
+
+
+@dataclass(frozen=True)
+class Drift:
+    """Distance of the zero moment point of a playback from that of its pendulum: what angular momentum and height add."""
+
+    timeline: Timeline
+    values: Floats
+    """(K, 2) [m]."""
+
+    def on(self, timeline: Timeline) -> Floats:
+        """Return (L, 2) the distances at the same phases of another timeline."""
+        return np.stack([np.interp(timeline.phase, self.timeline.phase, d) for d in self.values.T], axis=1)
+
 
 @dataclass(frozen=True)
 class PlaybackClip:
@@ -177,6 +202,8 @@ class PlaybackClip:
     fps: float
     stride: float = 1.0
     """Scale of the path along the floor."""
+    swing: float = 0.8
+    """Least duration of a swing [s]."""
     ground: SolidGround = field(default_factory=SolidGround)
     """Under the feet."""
 
@@ -205,7 +232,9 @@ class PlaybackPlan:
         return np.array([p.margin(p.middle) for p in self.supports])
 
 
-def plan_playback(ik: BalancedIk, clip: PlaybackClip, stretch: Floats, how: Steadiness) -> PlaybackPlan:
+def plan_playback(
+    ik: BalancedIk, clip: PlaybackClip, stretch: Floats, how: Steadiness, drift: Drift | None = None
+) -> PlaybackPlan:
     """Plan time, footholds and balance of a clip.
 
     Args:
@@ -213,6 +242,7 @@ def plan_playback(ik: BalancedIk, clip: PlaybackClip, stretch: Floats, how: Stea
         clip: T frames of the draft and their planted feet.
         stretch: (T − 1,) duration of each frame over its own [-].
         how: conditions on the centre of mass.
+        drift: of an earlier playback, whose limbs swing as those of this one.
     """
     ends = [_end_places(ik, clip, t) for t in (0, -1)]
     stands = [balanced_stand(ik, places, t) for places, t in zip(ends, (0, -1), strict=True)]
@@ -222,9 +252,18 @@ def plan_playback(ik: BalancedIk, clip: PlaybackClip, stretch: Floats, how: Stea
     (supports, planes), centre = _supports(timeline, places, clip.ground), ik.centres(targets)
     over = np.array([s.middle for s in supports]) if clip.planted.all() else centre[:, :2]
     lever = (centre[:, 2] - planes.places[:, 2]) / ik.robot.gravity
-    plan = plan_centre(over, lever, supports, clip.fps, how)
-    ends_at = (stands[0], stands[1])
-    return PlaybackPlan(timeline, targets, places, ends_at, supports, planes, plan, float(stretch.mean()), clip.stride)
+    plan = plan_centre(over, lever, supports, clip.fps, how, drift and drift.on(timeline))
+    return PlaybackPlan(
+        timeline,
+        targets,
+        places,
+        (stands[0], stands[1]),
+        supports,
+        planes,
+        plan,
+        float(stretch.mean()),
+        clip.stride,
+    )
 
 
 def timeline_of(ik: BalancedIk, clip: PlaybackClip, stands: list[Floats], stretch: Floats) -> Timeline:
@@ -239,10 +278,8 @@ def timeline_of(ik: BalancedIk, clip: PlaybackClip, stands: list[Floats], stretc
     fps, last = clip.fps, len(clip.qpos) - 1
     times = np.concatenate([[0.0], np.cumsum(stretch)]) / fps
     inside = np.interp(np.arange(1, int(times[-1] * fps)) / fps, times, np.arange(last + 1))
-    lifts = (0.0 if clip.planted[t].all() else LIFT * min(stretch[t], SLOWEST_LIFT) for t in (0, -1))
-    up, down = (round(lift * fps) for lift in lifts)
-    lead = _lead_shares(ik, stands[0], clip, 0, up)
-    tail = _lead_shares(ik, stands[1], clip, -1, down)
+    up, down = (round(_rest_of_swing(clip, times, end) * fps) for end in (0, -1))
+    lead, tail = (_lead_shares(ik, stands[end], clip, end, more) for end, more in ((0, up), (-1, down)))
     at = np.concatenate([np.zeros(len(lead)), inside, np.full(len(tail), last)])
     share = np.concatenate([lead, np.ones(len(inside)), tail[::-1]])
     planted = clip.planted[np.round(at).astype(int)]
@@ -251,14 +288,21 @@ def timeline_of(ik: BalancedIk, clip: PlaybackClip, stands: list[Floats], stretc
     return Timeline(at, share, planted, fps)
 
 
+def _rest_of_swing(clip: PlaybackClip, times: Floats, end: int) -> float:
+    """Return the time before the first frame, or after the last, of a swing of least duration that the clip cuts [s]."""
+    standing = np.flatnonzero(clip.planted.all(axis=1))
+    if clip.planted[end].all() or not len(standing):
+        return 0.0 if clip.planted[end].all() else clip.swing
+    within = abs(times[standing[end]] - times[end])
+    return max(clip.swing - within, clip.swing / 2)
+
+
 def _lead_shares(ik: BalancedIk, stand: Floats, clip: PlaybackClip, frame: int, lift: int) -> Floats:
     """Return shares from 0 to 1 with minimum jerk within the joint speed, then `lift` frames for a foot in the air."""
     index = ik.robot.qpos_index
     way = np.abs(clip.qpos[frame, index] - stand[index]).max()
     count = max(2, round(max(LEAD, JERK_PEAK * way / LEAD_SPEED) * clip.fps))
-    shares = minimum_jerk(np.linspace(0.0, 1.0, count))
-    lifting = lift + round(SETTLED * clip.fps) if lift else 0
-    return np.concatenate([shares, np.ones(lifting)])
+    return np.concatenate([minimum_jerk(np.linspace(0.0, 1.0, count)), np.ones(lift)])
 
 
 def _target_poses(ik: BalancedIk, clip: PlaybackClip, stands: list[Floats], timeline: Timeline) -> Floats:
@@ -286,7 +330,7 @@ def _end_places(ik: BalancedIk, clip: PlaybackClip, frame: int) -> Floats:
 
 
 def _places(ik: BalancedIk, clip: PlaybackClip, ends: list[Floats], timeline: Timeline) -> Floats:
-    """Return (K, F, 4, 3) places of the soles."""
+    """Return (K, F, 4, 3) places of the soles; a swing that the clip cuts goes straight from or to the place of an end."""
     before = np.minimum(timeline.at.astype(int), len(clip.corners) - 2)
     part = (timeline.at - before)[:, None, None, None]
     corners = clip.corners[before] * (1 - part) + clip.corners[before + 1] * part
@@ -294,6 +338,12 @@ def _places(ik: BalancedIk, clip: PlaybackClip, ends: list[Floats], timeline: Ti
     for frames, places, frame in ((slice(0, first), ends[0], 0), (slice(last + 1, None), ends[1], -1)):
         aside = timeline.planted[frames] & ~clip.planted[frame]
         corners[frames] = np.where(aside[:, :, None, None], places, corners[frames])
+    for foot, end in zip(*np.nonzero(~clip.planted[[0, -1]].T), strict=True):
+        inside, standing = (first, last)[end], np.flatnonzero(timeline.planted[:, foot])
+        before, after = (standing[standing < inside][-1:], standing[standing > inside][:1])
+        start, stop = int(before[0]), int(after[0])
+        part = smoothstep(np.linspace(0.0, 1.0, stop - start + 1))[1:-1, None, None]
+        corners[start + 1 : stop, foot] = (1 - part) * corners[start, foot] + part * corners[stop, foot]
     gap = GAP * float(gaps(stand_places(ik)[None])[0])
     return foothold_places(timeline.planted, corners, ARC * ik.leg, gap, clip.ground)
 
