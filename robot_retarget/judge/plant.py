@@ -83,6 +83,11 @@ class Plant:
     supply: Supply | None = None
     """Of the servos; None for one of constant voltage."""
 
+    @property
+    def backlash(self) -> float:
+        """Play of every joint, either way [rad]."""
+        return float(self.model.jnt_range[self.places.play, 1].max(initial=0.0))
+
     @cached_property
     def places(self) -> Places:
         """Where the model has the robot's coordinates."""

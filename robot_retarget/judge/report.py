@@ -238,6 +238,7 @@ def build_report(
     until = fall.get("fall_s")
     figures: dict[str, Any] = {
         "mode": played.mode,
+        "backlash_rad": plant.backlash,
         "frames": len(trajectory),
         "fps": round(trajectory.fps, 4),
         "duration_s": round(trajectory.duration, 4),

@@ -147,7 +147,8 @@ def report_beside(path: Path, trajectory: Trajectory, robot: Robot, mode: str | 
     if found is None or trajectory.goals is None or trajectory.goals.servos not in ("", servos):
         return found
     how, drives = found.figures["mode"], "auto" if trajectory.goals.servos else None
-    plant = judges(plant_of(robot, how, drives, scene=trajectory.scene)).get(found.figures["servos"])
+    backlash, objects = found.figures.get("backlash_rad", 0.0), "free" if "objects" in found.figures else "carried"
+    plant = judges(plant_of(robot, how, drives, backlash, trajectory.scene, objects)).get(found.figures["servos"])
     if plant is None:
         return found
     rollout = roll_out(plant, trajectory, how, None, trajectory.goals)

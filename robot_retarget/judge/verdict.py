@@ -1,7 +1,7 @@
 """The verdict on a simulation: the reasons against it, its differences from the human, and the badge that names both."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -105,7 +105,7 @@ def read_thresholds(path: str | Path) -> Thresholds:
         UsageError: The file is not TOML, names a threshold that is not known, or gives one that is not a number.
     """
     table = read_toml(path, UsageError)
-    names = [field.name for field in fields(Thresholds)]
+    names = [*Thresholds.__annotations__, *Alike.__annotations__]
     strange = [name for name in table if name not in names]
     if strange:
         raise UsageError(f"{path}: no threshold {strange[0]!r}; {known(names, typed=strange[0])}")

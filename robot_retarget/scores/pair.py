@@ -90,7 +90,7 @@ MOMENTS = (2.0, 40)
 """The bound of a clip is found at this many moments a second, and at most at this many in all: angles vary slowly."""
 ROUNDS = 25
 """Steps of a descent to the bound; angles change by less than 0.05° after 20 on the shipped clips."""
-DRAWN = 3
+DRAWN = 6
 """Drawn starts, in addition to the played pose, the standing pose and the middle of the ranges."""
 FLAT = 0.05
 """Angles below this count by their squares [rad]: the sum of angles has no slope at 0."""

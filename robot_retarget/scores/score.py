@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from robot_retarget.base.errors import MatchError
+from robot_retarget.base.errors import MatchError, TrajectoryError
 from robot_retarget.base.pages import card
 from robot_retarget.graph.describe import among_placed
 from robot_retarget.human.features import HumanFeatures, features_of
@@ -114,7 +114,19 @@ def score(
     human = None if motion is None else as_motion(motion, repair=False)
     subject, notes = subject_of(played, model, human, overrides)
     figures = {name: value for measure in MEASURES for name, value in measure.values(subject).items()}
-    return Score(figures, model.name, played.source, len(played), played.fps, (*notes, *notes_of(subject)))
+    notes = (*_other_source(played, human), *notes, *notes_of(subject))
+    return Score(figures, model.name, played.source, len(played), played.fps, notes)
+
+
+def _other_source(trajectory: Trajectory, motion: Motion | None) -> list[str]:
+    """Return a note on a motion that is not the recorded source of the trajectory."""
+    if motion is None or not trajectory.source_sha256:  # files of other tools record no motion
+        return []
+    try:
+        trajectory.require_source(motion.source, motion.source_sha256)
+    except TrajectoryError as error:
+        return [f"{error}; the figures compare them all the same"]
+    return []
 
 
 def subject_of(

@@ -143,3 +143,10 @@ def test_the_document_lists_every_figure_with_its_unit() -> None:
     text = runpy.run_path(str(ROOT / "scripts/tools/docs_hooks.py"))["figure_list"]()
     for figure in FIGURES.values():
         assert f"| `{figure.name}` | {figure.unit or '1'} | {figure.better} |" in text
+
+
+def test_a_motion_other_than_the_recorded_source_is_noted(robot: rr.Robot) -> None:
+    motion = rr.read_motion(ROOT / "samples/wave.bvh")
+    own = replace(hold(robot, 1.0, 30.0), source="wave.bvh", source_sha256=motion.source_sha256)
+    assert not any("contents differ" in note for note in score(own, robot, motion).notes)
+    assert any("contents differ" in note for note in score(replace(own, source_sha256="0" * 64), robot, motion).notes)

@@ -29,6 +29,15 @@ def test_a_report_beside_a_file_shows_what_was_judged(mode: str, name: str, tmp_
     assert report_beside(path, load_trajectory(path), OP3) is None
 
 
+def test_a_report_on_loose_joints_is_shown_as_it_was_judged(tmp_path: Path) -> None:
+    report = simulate(hold(OP3, 0.4), OP3, mode="pinned", backlash=0.01)
+    assert report.trajectory is not None
+    path = report.trajectory.save(tmp_path / "hold.npz")
+    report.save(tmp_path / "report.pinned.json")
+    found = report_beside(path, load_trajectory(path), OP3)
+    assert found is not None and np.allclose(found.series["simulated"], report.series["simulated"], atol=1e-9)
+
+
 def test_an_edited_report_is_no_report(tmp_path: Path) -> None:
     path = simulate(hold(OP3, 0.2), OP3).save(tmp_path / "report.json")
     path.write_text(path.read_text().replace('"pinned"', '"free"'))

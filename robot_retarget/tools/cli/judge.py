@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Literal
 import typer
 
 from robot_retarget.base.choices import Stand
-from robot_retarget.base.errors import TrajectoryError
 from robot_retarget.tools.cli import console
 from robot_retarget.tools.cli.command import argument, command, option, options
 from robot_retarget.tools.cli.console import progress
@@ -141,8 +140,7 @@ def warn(warned: WarnedOptions, robot: RobotOptions, printing: PrintOptions) -> 
 # `score`: the figures by which retargeters are compared.
 
 if TYPE_CHECKING:
-    from robot_retarget.human.motion import Motion
-    from robot_retarget.trajectory import Trajectory
+    pass
 
 
 @options
@@ -176,17 +174,7 @@ def score(scored: ScoreOptions, robot: RobotOptions, printing: PrintOptions) -> 
     model, options = robot.load(), options_of(scored.joints, source_fps=scored.rate, quaternion=scored.quaternion)
     played = import_motion(scored.trajectory, model, scored.format, options)
     human = None if scored.motion is None else scored.read(scored.motion)
-    if human is not None and played.source != str(scored.trajectory):  # other tools' files name no motion
-        _note_source(played, human)
     found = measure(played, model, human, overrides=scored.map_file)
     if scored.output is not None:
         write_text(scored.output, console.as_json(found.contract()) + "\n")
     printing.show(found.contract(), lambda _: console.show_score(found))
-
-
-def _note_source(played: "Trajectory", human: "Motion") -> None:
-    """Say that a trajectory names another motion as its source than the one it is compared with."""
-    try:
-        played.require_source(human.source, human.source_sha256)
-    except TrajectoryError as error:
-        console.note(f"{error}; the figures compare them all the same")
