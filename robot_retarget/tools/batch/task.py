@@ -42,6 +42,8 @@ class Settings:
     freeze: tuple[str, ...] = ()
     """Joints that keep an angle (`robot.override.freeze`)."""
     only: str | None = None
+    stand: float = 0.0
+    """Time of a way from and into the standing pose at the ends [s]; figures are those of the motion between them."""
 
     def digest(self, robot_sha256: str) -> str:
         """The sha256 of what makes a trajectory: settings, the files that they name, the robot and this package's version.
@@ -210,6 +212,7 @@ def peak_memory() -> float:
 
 def _made(task: Task) -> dict[str, Any]:
     """The fields of the outcome of a clip that could be done; its files are written."""
+    from robot_retarget.edit.cuts import between_stands
     from robot_retarget.human.motion import part_of
     from robot_retarget.human.read import read_motion
     from robot_retarget.robot import freeze
@@ -228,6 +231,7 @@ def _made(task: Task) -> dict[str, Any]:
     motion = part_of(read_motion(task.path, up=settings.up, repair=settings.repair), settings.frames)
     trajectory, notes = _retargeted(motion, robot, settings)
     found = score(trajectory, robot, motion, overrides=settings.map_file)
+    trajectory = between_stands(trajectory, robot, settings.stand)
     write(task, trajectory, robot)
     return {
         "message": " ".join(notes),

@@ -22,6 +22,7 @@ from robot_retarget.tools.cli.options import (
     PartOptions,
     PrintOptions,
     RateOptions,
+    StandOptions,
 )
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ RETRIES = ("failed", "timeout", "memory", "crashed")
 
 
 @options
-class BatchOptions(FollowOptions, FreezeOptions, LimitOptions, RateOptions, MapOptions, PartOptions):
+class BatchOptions(FollowOptions, FreezeOptions, LimitOptions, RateOptions, MapOptions, PartOptions, StandOptions):
     """Which clips are retargeted onto which robots, how, and where the results go."""
 
     folders: list[Path] = argument("Folders of motions; or merge, and folders of results.")
@@ -74,6 +75,7 @@ class BatchOptions(FollowOptions, FreezeOptions, LimitOptions, RateOptions, MapO
             limits=_text(self.limits),
             freeze=tuple(self.freeze or ()),
             only=self.only,
+            stand=self.stand,
         )
 
     def job(self) -> "Job":

@@ -57,7 +57,7 @@ class SequenceOptions(SolvedOptions, BalancedOptions, RobotOptions):
         clips = [load_trajectory(path, model) for path in paths]
         with progress() as begin:
             result = (solve or sequence)(clips, robot=model, balance=self.balance, progress=begin("solve"), **how)
-        self.save(result, printing)
+        self.save(result.trajectory, result, printing)
 
 
 @options

@@ -7,7 +7,14 @@ import typer
 
 from robot_retarget.tools.cli import console
 from robot_retarget.tools.cli.command import argument, command, option, options
-from robot_retarget.tools.cli.options import OUT, OutputOptions, PrintOptions, RobotOptions, TrajectoryOptions
+from robot_retarget.tools.cli.options import (
+    OUT,
+    OutputOptions,
+    PrintOptions,
+    RobotOptions,
+    StandOptions,
+    TrajectoryOptions,
+)
 
 if TYPE_CHECKING:
     from robot_retarget.formats import FormatOptions
@@ -93,6 +100,7 @@ def export(
     to: FileOutputOptions,
     written: WriteOptions,
     columns: JointOptions,
+    ends: StandOptions,
     printing: PrintOptions,
     format: Annotated[str, typer.Option("--format", "-f", help="See --list.")] = "csv",
     list: Annotated[
@@ -100,11 +108,12 @@ def export(
     ] = False,
 ) -> None:
     """Write a trajectory in a format that others read."""
+    from robot_retarget.edit.cuts import between_stands
     from robot_retarget.formats import export as write
     from robot_retarget.trajectory import load_trajectory
 
-    options = options_of(columns.joints, written.fps, written.servos)
-    write(load_trajectory(source.trajectory), robot.load(), format, to.output, options)
+    options, model = options_of(columns.joints, written.fps, written.servos), robot.load()
+    write(between_stands(load_trajectory(source.trajectory), model, ends.stand), model, format, to.output, options)
     printing.result({"output": str(to.output), "format": format}, f"wrote {to.output}")
 
 

@@ -202,6 +202,15 @@ class TrajectoryOptions:
 
 
 @options
+class StandOptions:
+    """The ends of a trajectory."""
+
+    stand: float = option(
+        "Seconds of a way from the standing pose, and of one into it, at the ends; 0 for none.", default=0.0, min=0
+    )
+
+
+@options
 class LimitOptions:
     """Limits of a robot's joints."""
 

@@ -22,6 +22,7 @@ from robot_retarget.tools.cli.options import (
     PerformerOptions,
     PrintOptions,
     RateOptions,
+    StandOptions,
     load,
     named_robot,
     solved,
@@ -29,6 +30,7 @@ from robot_retarget.tools.cli.options import (
 
 if TYPE_CHECKING:
     from robot_retarget.solver.pipeline import Result
+    from robot_retarget.trajectory import Trajectory
 
 
 @options
@@ -49,11 +51,11 @@ class SolvedOptions(OutputOptions):
         stem, name = self.output.stem, re.sub(r"[^\w.-]+", "_", performer)
         return replace(self, output=self.output.with_name(f"{stem}_{name}.npz")) if performer else self
 
-    def save(self, result: "Result", printing: PrintOptions) -> None:
-        """Write the trajectory and show how it was solved."""
+    def save(self, trajectory: "Trajectory", result: "Result", printing: PrintOptions) -> None:
+        """Write a trajectory and show how it was solved."""
         from robot_retarget.tools.summary import describe_solution
 
-        result.trajectory.save(self.output)
+        trajectory.save(self.output)
         printing.show(describe_solution(result.solution, result.notes), self._show)
 
     def _show(self, facts: dict[str, Any]) -> None:
@@ -76,9 +78,11 @@ def solve(
     goals: EditedGraphOptions,
     following: FollowOptions,
     effort: EffortOptions,
+    ends: StandOptions,
     printing: PrintOptions,
 ) -> None:
     """Retarget a motion: the trajectory only. Exit code 1 if a hard edge of --edges is not met."""
+    from robot_retarget.edit.cuts import between_stands
     from robot_retarget.solver.solution import unmet_of_user
 
     to.require_writable()
@@ -87,7 +91,7 @@ def solve(
         motion = performer.load()
         with progress() as begin:
             result = solved(goals.describe(motion, model), following, begin("retarget"), effort.threads)
-        to.of(name).save(result, printing)
+        to.of(name).save(between_stands(result.trajectory, model, ends.stand), result, printing)
         unmet |= bool(unmet_of_user(result.solution.unmet))
     if unmet:
         raise typer.Exit(1)
@@ -125,7 +129,7 @@ def transfer(
     with progress() as begin:
         bar, what = begin("transfer"), (trajectory, performer, follower)
         result = carried(*what, fps=rate.fps, preset=rate.preset, legs=legs, balance=balance, progress=bar)
-    to.save(result, printing)
+    to.save(result.trajectory, result, printing)
 
 
 # `graph`: the edges of a motion on a robot.
