@@ -4,20 +4,26 @@ Two parts touch by the closeness of their keypoints, their distance over the pat
 stretched. A part touches a body by the distance of its keypoint from the surface, less a thickness of flesh.
 """
 
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, intervals
 from robot_retarget.base.keypoints import ARM
 from robot_retarget.contact.rule import JOINTS, without_flicker
 
-REACH = {"head": 0.22, "hand": 0.14, "knee": 0.14}
+REACH = {"head": 0.22, "hand": 0.13, "knee": 0.14}
 """A hand touches these parts within this closeness [-] ..."""
 OTHER = 0.1
 """... and the other parts within this one."""
 FAINT = 0.02
 """A pair of at most this strength does not touch [-]: a hand that swings past a hip."""
-HALF = 0.5
-"""A pair touches from this strength on [-]."""
+TOUCHED = ("head", "l_hip", "r_hip", "l_knee", "r_knee", "pelvis")
+"""Parts that a hand touches, in addition to the other hand. Other pairs, as an elbow and a hand, pass each other closely."""
+BRIEF = 0.2
+"""A hand passes a part that it touches for less [s]: 5 to 12 frames of a hand that swings past the hip in a walk; a clap stays
+longer within its closeness."""
 SLACK = 0.04
 """A robot keeps a touch whose closeness exceeds the human's by at most this [-]."""
 ARRIVED = 0.02
@@ -52,19 +58,50 @@ def touch_strength(closeness: Floats, reach: Floats | float) -> Floats:
     return np.maximum(np.exp(-near * near) - FAINT, 0.0)
 
 
-def touching(closeness: Floats, reach: Floats | float) -> Bools:
-    """Return whether pairs touch; arguments as of `touch_strength`."""
-    return touch_strength(closeness, reach) > HALF
+def hand_pairs(keypoints: Collection[str]) -> list[tuple[str, str]]:
+    """Return the pairs of keypoints that touch where a hand touches: the hands, and a hand and a part of `TOUCHED`."""
+    pairs = [("l_hand", "r_hand"), *((f"{side}_hand", part) for side in "lr" for part in TOUCHED)]
+    return [(hand, part) for hand, part in pairs if {hand, part} <= set(keypoints)]
 
 
-def keeps_touch(robot: Floats, human: Floats) -> Bools:
-    """Return whether a robot's pairs are as close as the human's that touch.
+@dataclass(frozen=True, eq=False)
+class HandTouches:
+    """Touches of P pairs over T frames, of a human and of the robot that follows."""
+
+    human: Bools
+    """(T, P) whether the human's parts touch."""
+    kept: Bools
+    """(T, P) whether the human's touch and the robot's are as close."""
+    false: Bools
+    """(T, P) whether the robot's alone touch."""
+
+    @property
+    def share(self) -> float | None:
+        """Share of the human's touches that the robot keeps; None without any."""
+        return float(self.kept.sum() / self.human.sum()) if self.human.any() else None
+
+
+def hand_touches(pairs: Sequence[tuple[str, str]], human: Floats, robot: Floats, fps: float) -> HandTouches:
+    """Detect which touches of the hands a robot keeps; passing ones do not count (`BRIEF`).
 
     Args:
-        robot: (…) closeness [-].
-        human: (…) closeness [-].
+        pairs: P of `hand_pairs`.
+        human: (T, P) closeness of its pairs [-].
+        robot: (T, P) closeness [-].
+        fps: frames per second [1/s].
     """
-    return robot <= human + SLACK
+    near = np.array([touch_reach(*pair) for pair in pairs])
+    touch = lasting(human < near, round(BRIEF * fps))
+    return HandTouches(touch, touch & (robot < human + SLACK), (robot < near) & (human > near + SLACK))
+
+
+def lasting(flags: Bools, frames: int) -> Bools:
+    """Return flags (T, P) without runs shorter than a number of frames."""
+    found = flags.copy()
+    for pair in range(flags.shape[1]):
+        for start, stop in intervals(flags[:, pair]):
+            found[start:stop, pair] &= stop - start >= frames
+    return found
 
 
 def body_touches(away: Floats, leg: float, fps: float) -> Bools:

@@ -4,7 +4,7 @@ skate_cm_s: speed of a foot that should stand
 
     mean over planted feet and frames of  min_p ‖Δp_xy‖ · fps,  p the sole points of the foot        unit: cm/s, range: 0 and more
 
-A foot is planted where the human's toe is slow (0.2 leg lengths/s) and low (8 % of a leg over the floor). The slowest
+A foot is planted where the human's stands by the rule of `contact`. The slowest
 point is taken, so that a foot that rolls over its edge does not skate. Source: this project.
 
 ground_pen_max_cm and float_med_cm: height of the soles over the floor z = 0
@@ -13,7 +13,7 @@ ground_pen_max_cm and float_med_cm: height of the soles over the floor z = 0
 
 Source: GMR's users (issue 180 of GMR).
 
-flight_pct: frames in which no foot is on the floor, h_t > L + 3 cm. Unit: % of frames, range: 0 to 100 %. A clip that floats as a whole is not
+flight_pct: frames in which no foot is on the floor by the rule of `contact`, 2.5 % of a leg over it. Unit: % of frames, range: 0 to 100 %. A clip that floats as a whole is not
 in flight: `float_med_cm` says that.
 
 feet_travel_m: how far the feet travel, the largest distance of a sole's middle from its first place along the floor. Unit: m, range: 0 and more.

@@ -121,11 +121,6 @@ def _travel(x: Floats, match: Match, steps: int) -> Travel:
     return Travel(pelvis - pelvis[0], turned - turned[0], steps)
 
 
-KEPT = 0.04
-"""A contact is made if the robot's hand is no farther than this more than the human's, over the path between [-]."""
-BRIEF = 0.2
-"""A hand passes a part that it touches for less [s]: 5–12 frames of a hand that swings past the hip in a walk; a clap stays
-longer below its distance. Contacts with bodies are counted alike (`judge.stance.BRIEF`)."""
 FAR = np.radians(25.0)
 """A frame is far from the human's pose if its bones are off by more on average [rad]."""
 AT_LIMIT = 0.99
@@ -313,14 +308,15 @@ def likeness_of(
         frames: consecutive ones that are compared; all by default.
     """
     graph, qpos, match = graph.at(frames), qpos[frames], graph.match
-    pair = Pair(match, graph.human.positions, world_points(graph.robot, match.points, qpos))
+    pair = Pair(
+        match, graph.human.positions, world_points(graph.robot, match.points, qpos), graph.human.contacts, graph.fps
+    )
     performed, moved = human_travel(graph.human), robot_travel(pair.robot, qpos, graph.robot, match, graph.fps)
     angles = pair.bone_angles(PARTS.keys() - ({"legs"} if legs == "stand" else set()))
     path = _path_off(moved.path, match.leg_ratio * performed.path, match.robot_leg)
-    contacts = _contacts_kept(graph, pair.robot)
     rushed = _rushed(graph, qpos)
     return Likeness(
-        angles, contacts, performed, moved, path, slowdown, stride, legs, unfinished, rushed, graph.fps,
+        angles, pair.touches.share, performed, moved, path, slowdown, stride, legs, unfinished, rushed, graph.fps,
         pair, graph.robot, qpos, not_standing(graph.human),
     )  # fmt: skip
 
@@ -341,20 +337,6 @@ def _path_off(robot: Floats, human: Floats, leg: float) -> float:
     """The error of a path (T, 2) against the scaled human's, over the human's mean distance from its start or a leg [-]."""
     off, away = (np.linalg.norm(way, axis=1).mean() for way in (robot - human, human))
     return float(off / max(away, leg))
-
-
-def _contacts_kept(graph: RobotGraph, robot: Floats) -> float | None:
-    """The share of the human's contacts that are as near on the robot; passing ones do not count (`BRIEF`)."""
-    track = graph.kinds.get("touch")
-    if track is None:
-        return None
-    names = graph.match.keypoints
-    i, j = ([names.index(ends[k]) for ends in track.ends] for k in (0, 1))
-    touching = lasting(track.priority > track.priority.max(initial=0.0) / 2, round(BRIEF * graph.fps))
-    if not touching.any():
-        return None
-    near = np.linalg.norm(robot[:, i] - robot[:, j], axis=2) / track.scale
-    return float((near <= track.lower / track.scale + KEPT)[touching].mean())
 
 
 # How alike is alike: limits, and a sentence for each figure beyond its limit. The verdict and balance read these.
@@ -483,15 +465,6 @@ def _spin(human: HumanFeatures) -> float:
     starts = {start for foot in down for start, _ in intervals(foot)} | {0, len(turned)}
     edges = sorted(starts)
     return max((float(np.ptp(turned[a:b])) for a, b in pairwise(edges) if b > a), default=0.0)
-
-
-def lasting(flags: Bools, frames: int) -> Bools:
-    """Return flags (T, P) without runs of fewer frames."""
-    found = np.zeros(flags.shape, bool)
-    for column, own in zip(found.T, flags.T, strict=True):
-        for start, stop in intervals(own):
-            column[start:stop] = stop - start >= frames
-    return found
 
 
 def _rounded(value: float | None) -> float | None:

@@ -1,7 +1,7 @@
 """The keypoints of a human and of a robot, frame by frame: angles between their bones, and the angles that ranges of joints allow."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Bools, Floats, Ints, unit
+from robot_retarget.contact.touch import HandTouches, hand_pairs, hand_touches
+from robot_retarget.human.features import features_of
 from robot_retarget.human.match import Match, match_bodies, path_weights, recognition_with
 from robot_retarget.human.motion import Motion
 from robot_retarget.robot import Anatomy, Points, Robot, override, recognise_with, world_points
@@ -30,6 +32,18 @@ class Pair:
     """(T, K, 3) [m]."""
     robot: Floats
     """(T, K, 3) [m]."""
+    contacts: Mapping[str, Bools] = field(default_factory=dict)
+    """The human's contact schedule: per foot (T, 2), whether toe and heel stand; empty where it is not looked at."""
+    fps: float = 0.0
+    """Frames per second [1/s]; 0 keeps touches of any duration."""
+
+    @cached_property
+    def touches(self) -> HandTouches:
+        """The touches of the human's hands, and which of them the robot keeps."""
+        pairs = hand_pairs(self.match.keypoints)
+        ends = [[self.index(pair[k]) for pair in pairs] for k in range(2)]
+        human, robot = self.closeness(*ends) if pairs else np.zeros((2, len(self.human), 0))
+        return hand_touches(pairs, human, robot, self.fps)
 
     @cached_property
     def seen(self) -> tuple[Floats, Floats]:
@@ -274,4 +288,7 @@ def pair_of(trajectory: Trajectory, robot: Robot, motion: Motion, body: Body, li
         found.recognition.weights(keypoints, len(motion.skeleton)) @ motion.positions[nearest.clip(0, len(motion) - 1)]
     )
     own = body.places(robot, keypoints, trajectory.qpos)
-    return Pair(found.among(keypoints, human, own), human, own)
+    described = motion.resample(trajectory.fps)
+    at = np.round((trajectory.source_time - motion.start_time) * described.fps).astype(int).clip(0, len(described) - 1)
+    contacts = {foot: stands[at] for foot, stands in features_of(described, found).contacts.items()}
+    return Pair(found.among(keypoints, human, own), human, own, contacts, trajectory.fps)

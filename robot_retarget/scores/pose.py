@@ -111,13 +111,7 @@ def _calibrated(pair: Pair) -> Floats:
 #
 #     recall = kept / human contacts        F1 = 2 kept / (2 kept + false + lost)        unit: 1, range: 0 to 1
 #
-# None where the clip has no contact. Source: contact preservation as in OmniRetarget, on the body itself.
-
-TOUCH = {"hand": 0.13, "head": 0.22, "knee": 0.14, "hip": 0.10, "pelvis": 0.10}
-"""Normalised distance of a hand to each keypoint below which the human touches it [-]."""
-SLACK = 0.04
-"""How much farther the robot may be [-]."""
-TOUCHED = ("head", "l_hip", "r_hip", "l_knee", "r_knee", "pelvis")
+# None where the clip has no contact. The rule is that of `contact.touch`. Source: contact preservation as in OmniRetarget, on the body itself.
 
 
 @measures(
@@ -140,19 +134,11 @@ def distances(subject: Subject) -> tuple[Value, ...]:
 )
 def contacts(subject: Subject) -> tuple[Value, ...]:
     """Recall, F1 and the frames in which the human makes any contact."""
-    pair = subject.pair
-    named = [("l_hand", "r_hand"), *((f"{side}_hand", other) for side in "lr" for other in TOUCHED)]
-    ends = [ends for ends in named if pair.has(*ends)]
-    if not ends:
+    touches = subject.pair.touches
+    if touches.share is None:
         return None, None, 0
-    human, robot = pair.closeness(*([pair.index(k) for k in side] for side in zip(*ends, strict=True)))
-    near = np.array([TOUCH[other.split("_")[-1]] for _, other in ends])
-    touching, kept = human < near, robot < human + SLACK
-    if not touching.any():
-        return None, None, 0
-    false = int(((robot < near) & (human > near + SLACK)).sum())
-    hit, lost = int((touching & kept).sum()), int((touching & ~kept).sum())
-    return hit / (hit + lost), 2 * hit / (2 * hit + false + lost), int(touching.any(axis=1).sum())
+    made, hit, false = (int(which.sum()) for which in (touches.human, touches.kept, touches.false))
+    return touches.share, 2 * hit / (hit + false + made), int(touches.human.any(axis=1).sum())
 
 
 # Touches of the bodies around a robot, by MuJoCo's distances d of its links from them, as the public comparison of retargeters has them.

@@ -5,9 +5,9 @@ from functools import cached_property
 
 import mujoco
 import numpy as np
-from scipy.ndimage import median_filter
 
 from robot_retarget.base.arrays import Bools, Floats, Ints
+from robot_retarget.contact.soles import SoleContacts, sole_contacts
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.robot import Anatomy, Points, Robot, world_points
 from robot_retarget.robot.body_distances import BodyPairs
@@ -95,18 +95,6 @@ FAR = 0.05
 """Links that are farther from a body do not touch it [m]."""
 OVERLAP = 1e-3
 """Overlaps of links up to this depth are the softness of a touch [m]."""
-SLOW = 0.2
-"""A planted toe moves by less than this [leg lengths/s]."""
-LOW = 0.08
-"""A planted toe is lower than this over the floor [leg lengths]."""
-FLOOR = 2.0
-"""The percentile of the toes' heights that is the floor of a human motion."""
-FLIGHT = 0.03
-"""No foot is on the floor where the lowest sole point is this far over where it stands [m]."""
-TOUCH = 0.01
-"""A foot is on the floor where its lowest sole point is at most this far over where it stands [m]."""
-STEADY = 5
-"""Frames of the median filter over the planted toes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,18 +179,19 @@ class Subject:
 
     @cached_property
     def planted(self) -> Bools | None:
-        """(T, 2) whether the human's toe is slow and low; None without toes."""
-        pair = self.pair
-        if not pair.has("l_toe", "r_toe"):
+        """(T, 2) whether each foot of the human stands, but at the first frame, which has no speed; None without feet."""
+        contacts = self.pair.contacts
+        if not {"l", "r"} <= contacts.keys():
             return None
-        leg, toes = pair.match.human_leg, pair.human[:, [pair.index("l_toe"), pair.index("r_toe")]]
-        speed = np.zeros(toes.shape[:2])
-        speed[1:] = np.linalg.norm(np.diff(toes, axis=0), axis=2) * self.fps / leg
-        floor = np.percentile(toes[:, :, 2], FLOOR)
-        still = (speed < SLOW) & (toes[:, :, 2] < floor + LOW * leg)
-        planted = median_filter(still.astype(np.uint8), (STEADY, 1)).astype(bool)
+        planted = np.stack([contacts[foot].any(axis=1) for foot in "lr"], axis=1)
         planted[0] = False
         return planted
+
+    @cached_property
+    def contacts(self) -> SoleContacts:
+        """The contacts of the robot's soles."""
+        assert self.anatomy is not None
+        return sole_contacts(self.robot, self.anatomy, self.trajectory.qpos, self.fps, self.trajectory.scene)
 
     @property
     def root(self) -> Floats:
@@ -218,12 +207,12 @@ class Subject:
     @cached_property
     def standing(self) -> Bools:
         """(T,) whether any foot is on the floor."""
-        return self.lowest < self.floor_level + FLIGHT
+        return ~self.contacts.flying
 
     @cached_property
     def on_floor(self) -> Bools:
         """(T, 2) whether each foot is on the floor."""
-        return np.stack([foot.lowest for foot in self.feet], axis=1) < self.floor_level + TOUCH
+        return self.contacts.down
 
     @cached_property
     def forces(self) -> Floats:

@@ -168,12 +168,12 @@ def test_kinds_that_the_bodies_do_not_have_are_left_out() -> None:
     assert [track.name for track in graph.tracks] == ["posture"]
 
 
-def test_the_root_of_a_body_in_flight_falls_as_the_human_does() -> None:
+def test_the_height_of_the_root_bends_as_the_scaled_path_does() -> None:
     graph, _ = made()
     fps, frames = 100.0, 60
     time = np.arange(frames)[:, None, None] / fps
     fall = [0.3, 0.0, 0.0] * time + [0.0, 0.0, -9.81 / 2] * time**2
-    human = replace(graph.human, positions=graph.human.positions[:1] + fall, fps=fps)
+    human = replace(graph.human, positions=graph.human.positions[:1] + fall, fps=fps, falls=None)
     track = SmoothnessKind().targets(RetargetContext(human, graph.match, graph.robot, graph.weights))
     up = [end for end, _ in track.ends].index("root 2")
     far = slice(round(5 * BOUNCE * fps), -round(5 * BOUNCE * fps))

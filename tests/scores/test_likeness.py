@@ -10,9 +10,10 @@ from scipy.spatial.transform import Rotation
 from shared_files import ROOT, SHARED, needs_shared
 
 import robot_retarget as rr
+from robot_retarget.contact.touch import lasting
 from robot_retarget.graph.placed_scene import pelvis_path
 from robot_retarget.judge.verdict import Thresholds
-from robot_retarget.scores.likeness import human_travel, lasting, likeness_of, not_standing, unlikeness
+from robot_retarget.scores.likeness import human_travel, likeness_of, not_standing, unlikeness
 
 
 @pytest.fixture(scope="module")
