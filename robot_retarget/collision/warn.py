@@ -217,11 +217,18 @@ class Warnings:
 
 
 def warnings_of(
-    trajectory: Trajectory, robot: Robot, options: WarnOptions | None = None, links: LinkDistances | None = None
+    trajectory: Trajectory,
+    robot: Robot,
+    options: WarnOptions | None = None,
+    links: LinkDistances | None = None,
+    *,
+    planned: bool = False,
 ) -> Warnings:
-    """Return the warnings of a whole trajectory, as a stream of its frames gives them.
+    """Return the warnings of a whole trajectory.
 
     Args:
+        planned: take the next frames of the trajectory over the horizon; by default joints continue with their last step, as in
+            a stream, whose next frames are unknown.
         links: distances of the robot, if they are compiled already.
 
     Raises:
@@ -232,7 +239,11 @@ def warnings_of(
         raise TrajectoryError("warnings need two frames: a step is the way from one frame to the next; got 1")
     warner = Warner(robot, trajectory.fps, options, links, trajectory.scene)
     around = itertools.repeat(None) if trajectory.scene is None else trajectory.scene.poses(len(trajectory))
-    frames = [warner.update(*frame) for frame in zip(trajectory.qpos, around, strict=False)]
+    reach = warner.steps * warner.span if planned else 0
+    frames = [
+        warner.update(qpos, poses, trajectory.qpos[t + 1 : t + 1 + reach])
+        for t, (qpos, poses) in enumerate(zip(trajectory.qpos, around, strict=False))
+    ]
     columns = ("distance", "ahead", "alpha", "swept", "flagged", "closing", "time_to_contact")
     joined = {name: np.concatenate([getattr(frame, name) for frame in frames]) for name in columns}
     return replace(frames[0], **joined)
@@ -274,15 +285,17 @@ class Warner:
         self._past: deque[tuple[Floats, Floats | None]] = deque(maxlen=self.span + 1)
         self._held = np.zeros(own + among, dtype=int)
         """Number of steps for which each flag is still held."""
+        self._planned: Floats = np.empty((0, robot.model.nq))
         self._count = 0
         self._last: Warnings | None = None
 
-    def update(self, qpos: Floats, poses: Floats | None = None) -> Warnings:
+    def update(self, qpos: Floats, poses: Floats | None = None, planned: Floats | None = None) -> Warnings:
         """Return the warnings at the next configuration (nq,).
 
         Args:
             qpos: (nq,).
             poses: (B, 7) of the bodies of the scene, in the world of the robot; none without a scene.
+            planned: (N, nq) next frames where they are known; joints continue with their last step after them.
 
         Raises:
             TrajectoryError: it has another length, or a value that is not finite, or there are no poses for the scene.
@@ -293,6 +306,7 @@ class Warner:
         if np.shape(qpos) != (nq,) or not np.isfinite(qpos).all():
             raise TrajectoryError(f"a configuration of {self.robot.name!r} is {nq} finite numbers")
         self._past.append((np.array(qpos, dtype=float), poses))
+        self._planned = np.empty((0, nq)) if planned is None else np.asarray(planned, dtype=float)
         since, self._count = self._count % self.span, self._count + 1
         if since == 0 or self._last is None:
             self._last = self._evaluated()
@@ -324,9 +338,20 @@ class Warner:
         return np.hstack([along, self.bodies.along(path, extrapolated(before, now, k))])
 
     def _path(self, k: Floats) -> Floats:
-        """Return the configurations (N, nq) k steps (N,) from now, along the last step."""
+        """Return the configurations (N, nq) k steps (N,) from now: along the planned frames, then along the last step."""
         now = self._past[-1][0]
         path = now + k[:, None] * (now - self._past[0][0])
+        known = np.vstack([now, self._planned])
+        at = k * self.span
+        inside = (at > 0) & (at <= len(known) - 1)
+        before = np.floor(at[inside]).astype(int)
+        after, share = np.minimum(before + 1, len(known) - 1), (at[inside] - before)[:, None]
+        path[inside] = (1 - share) * known[before] + share * known[after]
+        beyond = at > max(len(known) - 1, 0)
+        if len(known) > 1:
+            path[beyond] = (
+                known[-1] + (k[beyond, None] - (len(known) - 1) / self.span) * (known[-1] - known[-2]) * self.span
+            )
         columns, robot = self.robot.qpos_index, self.robot
         low, high = np.minimum(robot.lower, now[columns]), np.maximum(robot.upper, now[columns])
         path[:, columns] = np.clip(path[:, columns], low, high)

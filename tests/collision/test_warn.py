@@ -223,3 +223,28 @@ def test_bad_input_is_named(op3: Robot, links: LinkDistances, tmp_path: Path) ->
     for option in ({"horizon": 0.0}, {"horizon": np.nan}, {"release": -1.0}):
         with pytest.raises(UsageError):
             WarnOptions(**option)
+
+
+def test_joints_that_keep_their_speed_do_as_planned(tmp_path: Path) -> None:
+    """Two carts that roll towards each other at constant speed: the plan and the last step agree."""
+    robot = robot_of(CARTS, tmp_path / "carts.xml")
+    qpos = np.outer(np.arange(20) / 30, [0.9, -0.9, 0.0])
+    rolling = Trajectory(qpos, 30.0, robot.joint_names, robot.name)
+    for horizon in (1 / 30, 0.1):
+        plan, step = (warnings_of(rolling, robot, WarnOptions(horizon=horizon), planned=p) for p in (True, False))
+        np.testing.assert_allclose(plan.ahead, step.ahead, atol=1e-9)
+        assert np.array_equal(plan.flagged, step.flagged)
+
+
+def test_a_tenth_of_a_second_ahead_planned_warnings_come_true_and_miss_no_contact(
+    op3: Robot, links: LinkDistances
+) -> None:
+    """Truth from the distances of the frames themselves: within 1 cm by the end of the horizon, and every touch warned of."""
+    moves, fps, ahead = wander(op3, 60, 30.0, seed=3), 30.0, 3
+    found = warnings_of(moves, op3, WarnOptions(horizon=ahead / fps, release=0.0), links, planned=True)
+    least = np.array([found.swept[t : t + ahead + 1].min(axis=0) for t in range(len(moves))])
+    raised = found.flagged[:-ahead] & found.closing[:-ahead]
+    assert raised.sum() > 20 and (least[:-ahead][raised] < 0.01).mean() >= 0.95
+    begins = np.argwhere((found.swept[1:] <= 0) & (found.swept[:-1] > 0))
+    warned = [found.flagged[max(t - ahead, 0) : t + 1, pair].any() for t, pair in begins if t > 0]
+    assert np.mean(warned) >= 0.95 and len(warned) > 10

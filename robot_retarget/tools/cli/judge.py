@@ -101,6 +101,9 @@ class WarnedOptions(TrajectoryOptions):
     """How far ahead to look, and what to write."""
 
     horizon: float = option("How far ahead joints continue [s]; 0.2 for smooth machine motion.", default=1 / 30)
+    planned: bool = option(
+        "Follow the next frames of the file over the horizon, in place of the last step.", default=False
+    )
     output: Path | None = option("A table of the events to write (.csv).", *OUT, default=None)
     plot: Path | None = option("A picture of D, distance and α to draw.", default=None)
 
@@ -123,7 +126,8 @@ def warn(warned: WarnedOptions, robot: RobotOptions, printing: PrintOptions) -> 
         require_suffix(output, ".csv", "--json prints the events as JSON")
     if plot is not None:
         require_drawable(plot)
-    found = warnings_of(load_trajectory(warned.trajectory), robot.load(), WarnOptions(horizon=warned.horizon))
+    ahead = WarnOptions(horizon=warned.horizon)
+    found = warnings_of(load_trajectory(warned.trajectory), robot.load(), ahead, planned=warned.planned)
     if output is not None:
         write_csv(found.events, output)
     facts = {
