@@ -214,7 +214,7 @@ def part_of(motion: Motion, frames: str | None) -> Motion:
 
 
 def span_of(text: str, count: int, fps: float) -> tuple[int, int]:
-    """The frames `START:STOP` of a clip; each end is a frame (`30`) or a time (`1.5s`), one frame alone is a span of one.
+    """The frames `START:STOP` of a clip; each end is a frame (`30`) or a time (`1.5s`); a frame alone is a span of one, a time alone is none.
 
     Raises:
         UsageError: The text is not of this form.
@@ -225,7 +225,7 @@ def span_of(text: str, count: int, fps: float) -> tuple[int, int]:
 
     start, colon, stop = (part.strip() for part in text.partition(":"))
     try:
-        first = frame(start) if start else 0
+        first = int(start) if start and not colon else frame(start) if start else 0
         return first, frame(stop) if stop else count if colon else first + 1
     except (ValueError, OverflowError):
         raise UsageError(f"--frames takes START:STOP in frames (30:90) or seconds (1s:3s), got {text!r}") from None

@@ -94,6 +94,12 @@ def test_twice_the_speed_takes_half_the_time() -> None:
     np.testing.assert_allclose(quick.positions, motion.positions[::2], atol=1e-12)
 
 
+def test_half_the_speed_takes_a_quarter_of_the_accelerations() -> None:
+    slow = rr.sequence([SWING], OP3, speed=0.5, balance="off").trajectory
+    own, found = (np.diff(t.qpos[:, OP3.qpos_index], 2, axis=0) * FPS**2 for t in (SWING, slow))
+    assert np.abs(found).max() == pytest.approx(np.abs(own).max() / 4, rel=0.1)
+
+
 def test_feet_apart_are_refused_without_balance_and_step_with_it() -> None:
     here, wide = performed(SWING, OP3), performed(astride(NOD, 0.25), OP3)
     apart = float(np.linalg.norm(sole(astride(NOD, 0.25), "l")[0] - sole(astride(NOD, 0.25), "r")[0]))

@@ -436,11 +436,25 @@ def test_a_plan_keeps_a_zero_moment_point_inside_that_drifts_from_the_pendulums(
     assert made_up.pendulum[2:-2] == pytest.approx((made_up.centre - LEVER * acceleration)[2:-2], abs=2e-3)
 
 
+def test_a_motion_of_one_frame_is_refused_with_the_alternatives() -> None:
+    motion = rr.read_motion(SAMPLES / "wave.bvh").frames(5, 6)
+    with pytest.raises(BalanceError, match=r"one frame.*balance 'off'"):
+        rr.retarget(motion, rr.load_robot("op3"))
+
+
+def test_a_swing_of_a_shorter_step_takes_less_time() -> None:
+    planted, shares = np.ones((30, 2), bool), np.ones((30, 2))
+    planted[5:8, 0] = planted[15:18, 1] = False
+    shares[15:18, 1] = 0.5
+    taken = least_durations(planted, 30.0, Pacing(swing=0.4, transfer=0.0), shares)
+    assert taken[4:8].sum() == pytest.approx(30 * 0.4) and taken[14:18].sum() == pytest.approx(30 * 0.2)
+
+
 def test_a_swing_takes_half_the_time_on_servos_twice_as_fast(ik: BalancedIk) -> None:
     faster = copy.copy(ik)
     faster.robot = replace(ik.robot, max_speed=2 * ik.robot.max_speed)
     assert swing_time(faster) == pytest.approx(swing_time(ik) / 2)
-    assert 0.35 <= swing_time(ik) <= 0.55
+    assert 0.35 <= swing_time(ik) <= 0.65
 
 
 def test_a_walk_has_the_humans_pace_and_steps() -> None:

@@ -51,7 +51,7 @@ def test_frames_are_given_by_number_or_time(text: str, span: tuple[int, int]) ->
     assert span_of(text, 100, 30.0) == span
 
 
-@pytest.mark.parametrize("text", ["a:b", "1s:3q", "nans:", "infs:", "1:2:3", "s"])
+@pytest.mark.parametrize("text", ["a:b", "1s:3q", "nans:", "infs:", "1:2:3", "s", "1s"])
 def test_other_frames_are_refused(text: str) -> None:
     with pytest.raises(UsageError, match="--frames takes START:STOP"):
         span_of(text, 100, 30.0)

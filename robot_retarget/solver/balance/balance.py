@@ -99,10 +99,15 @@ def in_balance(
         progress: receives (steps done, steps in all).
 
     Raises:
-        BalanceError: the motion leaves the floor, something holds the human up, or the robot has fewer than two feet.
+        BalanceError: the motion leaves the floor, something holds the human up, the robot has fewer than two feet, or the motion
+            has one frame.
     """
     if len(graph.match.anatomy.soles) < 2:
         raise BalanceError(f"{graph.robot.name} has no two feet to stand on: do without balance (balance 'off')")
+    if len(graph) < 2:
+        raise BalanceError(
+            "a motion of one frame has no playback: take more frames, or do without balance (balance 'off')"
+        )
     ik, count = BalancedIk(graph), Count(progress, expected_steps(graph))
     reason = ""
     if legs != "stand":

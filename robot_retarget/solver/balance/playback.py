@@ -64,7 +64,7 @@ class Pacing:
     """Largest time distance from that shift, in time of the playback [s]."""
     slack: float = 1.2
     """Needs up to this factor are ignored: a servo can exceed its limits slightly for a moment."""
-    burst: float = 1.6
+    burst: float = 1.3
     """Loads may need so many times more for a moment: the OP3's knees do at the ends of a swing in walks that stay up in soft worlds."""
     most: float = 1.5
     """Largest factor on any frame per round."""
@@ -76,23 +76,29 @@ class Pacing:
     """... and rounds of the whole motion."""
 
 
-def least_durations(planted: np.ndarray, fps: float, pacing: Pacing) -> Floats:
+def least_durations(planted: np.ndarray, fps: float, pacing: Pacing, shares: Floats | None = None) -> Floats:
     """Return the durations of frames that give every swing of a foot, and every shift of weight between two, its least duration.
 
     Args:
         planted: (T, F) feet on the floor.
         fps: frames per second of the clip [1/s].
         pacing: the least durations, and the largest slowdown.
+        shares: (T, F) of the least duration for the swing of a foot at a frame; 1 by default [-].
 
     Returns:
         (T − 1,) durations over 1/fps [-].
     """
     factor = np.ones(len(planted) - 1)
-    swings = [(span, pacing.swing, 1) for foot in planted.T for span in intervals(~foot)]
+    part = np.ones(planted.shape) if shares is None else shares
+    swings = [
+        (span, pacing.swing * part[span[0], foot], 1)
+        for foot in range(planted.shape[1])
+        for span in intervals(~planted[:, foot])
+    ]
     shifts = [(span, pacing.transfer, 0) for span in intervals(np.asarray(planted.all(axis=1)))]
     for (start, stop), least, more in swings + shifts:
-        part = slice(max(start - 1, 0), stop)
-        factor[part] = np.maximum(factor[part], least * fps / (stop - start + more))
+        frames = slice(max(start - 1, 0), stop)
+        factor[frames] = np.maximum(factor[frames], least * fps / (stop - start + more))
     return _capped(factor, pacing)
 
 
@@ -169,9 +175,11 @@ ASIDE = 0.1
 WORTH = 2.0
 """Arms and head start from the correction of the frame before only if that is cheaper than their target by this
 factor."""
-SWEEP = 1.3
-"""Least duration of a swing over that of a leg at its usable speed [-]: the OP3 (0.39 s) falls in soft worlds in 6 of 6 walks with 1,
-in 0 of 30 with 1.3."""
+SWEEP = 1.6
+"""Least duration of a swing over that of a leg at its usable speed [-]: with 1.3 the OP3 (0.39 s for its longest step) falls in 1 of 4 drawn
+worlds of its fastest walk."""
+SHORT = 0.6
+"""Least duration of a swing over that of the longest step: lifting a foot takes time too [-]."""
 IN_TURN = 3
 """Planting frame by frame takes about as long as this number of passes over all frames; the progress counts it as
 such."""
@@ -274,11 +282,22 @@ def swing_time(ik: BalancedIk) -> float:
     return float(SWEEP * JERK_PEAK * 2 * np.arcsin(REACH / 2) / speed)
 
 
+def _sweeps(clip: PlaybackClip, leg: float) -> Floats:
+    """Return (T, F) the angle that a leg sweeps in the swing at each frame over that of the longest step, `SHORT` at least [-]."""
+    shares, middle = np.ones(clip.planted.shape), clip.corners.mean(axis=2)[..., :2]
+    for foot in range(shares.shape[1]):
+        for start, stop in intervals(~clip.planted[:, foot]):
+            ends = middle[[max(start - 1, 0), min(stop, len(middle) - 1)], foot]
+            step = min(float(np.linalg.norm(ends[1] - ends[0])) / (2 * leg), REACH)
+            shares[start:stop, foot] = max(SHORT, np.arcsin(step / 2) / np.arcsin(REACH / 2))
+    return shares
+
+
 def _with_time_for_weight(
     ik: BalancedIk, clip: PlaybackClip, how: Steadiness, pacing: Pacing, slowest: float, count: Count
 ) -> tuple[Floats, PlaybackPlan]:
     """Return frame durations (T − 1,) that give every shift of weight its time, and the plan with them."""
-    stretch = least_durations(clip.planted, clip.fps, pacing)
+    stretch = least_durations(clip.planted, clip.fps, pacing, None if how.static else _sweeps(clip, ik.leg))
     _require_pace(stretch, slowest)
     plan = plan_playback(ik, clip, stretch, how)
     for _ in range(pacing.shifts):
