@@ -15,6 +15,7 @@ from robot_retarget.base.keypoints import ARM
 from robot_retarget.robot.anatomy import GUESSED, LIKELY, SURE, UNSURE, Anatomy, KeypointSite
 from robot_retarget.robot.facing import Facing, facing, hand_axes
 from robot_retarget.robot.limbs import (
+    ARM_WORDS,
     GRASP_WORDS,
     SAME,
     MirroredLimbs,
@@ -76,7 +77,16 @@ def _anatomy(robot: Robot, forward: Floats | None) -> Anatomy:
     flat = flat_footed(links, foot_links(links, legs) if legs else [])
     sides = facing(links, flat, legs, arms, forward)
     limbs = _limbs(links, sides, legs, arms)
-    return assemble((links, flat), limbs | _trunk(links, legs, arms, limbs), sides)
+    found = assemble((links, flat), limbs | _trunk(links, legs, arms, limbs), sides)
+    return found if arms else replace(found, notes=(*found.notes, *_lone_arms(links, legs)))
+
+
+def _lone_arms(links: Links, legs: MirroredLimbs | None) -> list[str]:
+    """Name the chains that are called arms on a robot without two that mirror each other."""
+    taken = legs.links if legs else set[int]()
+    ends = [leaf for leaf in links.leaves if leaf not in taken and words(links.words(leaf)) & ARM_WORDS]
+    names = [links.model.body(leaf).name for leaf in ends if len(links.axes_along(links.path(leaf))) > 1]
+    return [f"arms come in mirrored pairs: the chain that ends at {names[0]} is left out"] if names else []
 
 
 def _legs(links: Links, pairs: list[MirroredLimbs]) -> MirroredLimbs | None:

@@ -313,3 +313,22 @@ def test_slides_and_a_ball_joint_under_a_robot_are_its_free_joint(tmp_path: Path
     np.testing.assert_allclose(robot.model.qpos0, op3.model.qpos0)
     own, whole = places(robot, recognise(robot)), places(op3, recognise(op3))
     np.testing.assert_allclose([own[k] for k in whole], list(whole.values()), atol=1e-9)
+
+
+def test_an_arm_without_a_counterpart_is_named(tmp_path: Path) -> None:
+    op3 = load_robot("op3")
+    lone = changed(op3, tmp_path / "lone.xml", without("r_sho_pitch_link"))
+    armless = changed(lone, tmp_path / "armless.xml", without("l_sho_pitch_link"))
+    for robot, said in ((op3, False), (lone, True), (armless, False)):
+        assert any("ends at l_el_link is left out" in note for note in recognise(robot).notes) == said
+
+
+def without(name: str) -> Callable[[mujoco.MjSpec], None]:
+    """Delete a body, with what drives it and refers to it."""
+
+    def cut(spec: mujoco.MjSpec) -> None:
+        for part in [*spec.keys, *spec.actuators, *spec.sensors, *spec.excludes, *spec.pairs]:
+            spec.delete(part)
+        spec.delete(spec.body(name))
+
+    return cut
