@@ -3,7 +3,7 @@
 import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import mujoco
 import numpy as np
@@ -82,6 +82,8 @@ class Plant:
     """The bodies around the robot; None without a scene."""
     supply: Supply | None = None
     """Of the servos; None for one of constant voltage."""
+    policy: Any = None
+    """The controller (`policy.Policy`) that makes the goals from the state; None plays those of the trajectory."""
 
     @property
     def backlash(self) -> float:

@@ -16,6 +16,7 @@ from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import UsageError
 from robot_retarget.judge.feedback import ClosedLoop, closed_loop
 from robot_retarget.judge.plant import Mode, Plant
+from robot_retarget.judge.policy import PolicyLoop
 from robot_retarget.robot.contacts import ContactLog, Contacts
 from robot_retarget.robot.timing import sample, sample_hinges
 from robot_retarget.scene.geoms import scene_geoms
@@ -214,6 +215,8 @@ def roll_out(
     played.place(trajectory.qpos[0], on_floor=free)
     carried = None if free else sample(trajectory, plant.robot, times)
     loop = closed_loop(plant, goals, playback.seed) if free else None
+    if plant.policy is not None:
+        loop = PolicyLoop(plant, goals, trajectory)
     paths = None if plant.bodies is None else plant.bodies.paths(times * trajectory.fps)
     log, began = _Log(plant, len(times)), time.perf_counter()
     with _quiet():
@@ -233,7 +236,7 @@ def _ticks(
     played: PlayedPlant,
     goals: Goals,
     log: "_Log",
-    loop: ClosedLoop | None,
+    loop: ClosedLoop | PolicyLoop | None,
     carried: Floats | None,
     paths: Floats | None,
 ) -> int:

@@ -20,6 +20,7 @@ from robot_retarget.judge.feedback import has_feedback, with_feedback
 from robot_retarget.judge.figures import fall_figures
 from robot_retarget.judge.plant import Mode, Plant
 from robot_retarget.judge.playback import Playback, Rollout, plain_goals, roll_out
+from robot_retarget.judge.policy import Policy, read_policy, under_policy
 from robot_retarget.judge.report import Report, SimulatedTrajectory, build_report, series_of
 from robot_retarget.judge.servo_model import Drives, drives_of
 from robot_retarget.judge.verdict import Thresholds
@@ -64,6 +65,7 @@ def simulate(
     feedback: bool | None = None,
     backlash: float = 0.0,
     objects: Objects = "carried",
+    policy: Policy | str | Path | None = None,
     progress: Progress | None = None,
 ) -> Report:
     """Play a trajectory and judge it.
@@ -95,6 +97,8 @@ def simulate(
         backlash: play between every servo and its link, either way [rad]; goals and feedback have no information about it.
         objects: whether the moving bodies of the trajectory's scene are `carried` along their path, or `free`: then they
             have mass and are held by friction alone.
+        policy: a frozen controller, or its ONNX file (`policy.read_policy`), that makes the goals from the state in mode `free`; the
+            trajectory is its reference. Servo map, compensation and feedback do not act, and `play` refuses the report.
         progress: called with (steps done, steps in all), a step for each simulation.
 
     Raises:
@@ -104,8 +108,15 @@ def simulate(
         RobotError: the robot's MJCF cannot be prepared, or a hinge has no servo.
     """
     played, robot = on_robot(trajectory, robot)
+    if policy is not None:
+        policy = policy if isinstance(policy, Policy) else read_policy(policy)
+        if mode == "pinned":
+            raise UsageError("a policy balances the robot itself: mode 'free'")
+        mode, drives, compensate, others, feedback = "free", None, False, False, False
+        playback = replace(playback or Playback(), rate=policy.contract.rate)
     mode = mode_of(played) if mode == "auto" else mode
     plant = plant_of(robot, mode, drives, backlash, played.scene, objects)
+    plant = plant if policy is None else under_policy(plant, policy)
     count = Count(progress, SIMULATED + (draws if mode == "free" else 0))
     how, replayed = cast(Mode, mode), replay_contacts(robot, played.qpos)
     goals = goals or (compensated if compensate else _as_it_is)(plant, played, how, playback)
@@ -121,7 +132,8 @@ def simulate(
     fallen = _fallen(plant, judged, playback, draws, count) if how == "free" and not chosen.fell else ()
     alerts = _warnings_of(trajectory) if warnings is None else warnings
     outcome = SimulatedTrajectory(judged, chosen.plant, how, replayed, chosen.rollout, plain, alerts, fallen)
-    return build_report(outcome, fingerprint(judged), thresholds or Thresholds(), trial_figures(trials, chosen))
+    servos = trial_figures(trials, chosen) | ({} if policy is None else {"policy": policy.name})
+    return build_report(outcome, fingerprint(judged), thresholds or Thresholds(), servos)
 
 
 def _warnings_of(played: Result | Trajectory | str | Path) -> Warnings | None:

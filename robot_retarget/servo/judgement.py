@@ -95,6 +95,8 @@ def _unsuitable(content: dict[str, Any], mode: str, loose: bool, where: Path) ->
         hint = "; --mode pinned plays it on a robot held by its pelvis" if mode == "free" else ""
         return f"it passed in mode {content.get('mode')} ({where}), not {mode}{hint}"
     figures = content.get("figures")
+    if isinstance(figures, dict) and "policy" in figures:
+        return f"it was judged under the policy {figures['policy']}, which playback does not run ({where})"
     if mode == "free" and isinstance(figures, dict) and figures.get("draws") == 0:
         return f"it was simulated once, without other mass, friction, servos and tilt (--draws 0): a preview ({where})"
     raised = _raised(content)

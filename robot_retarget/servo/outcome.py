@@ -109,7 +109,8 @@ class Journal:
 
     def __init__(self, path: Path, most: int | None = None) -> None:
         self.path, self._most, self._count = path, most, 0
-        self._row, self._header = np.zeros(()), b""
+        self._row: Any = None
+        self._header = b""
         try:
             self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o666)
         except OSError as error:

@@ -35,6 +35,10 @@ class SimulateOptions(JudgeOptions, ServoOptions, TrajectoryOptions):
     objects: Literal["carried", "free"] = option(
         "Moving bodies of the scene follow their path, or are held by friction alone.", default="carried"
     )
+    policy: Path | None = option(
+        "A frozen controller (.onnx; its contract beside it as .toml, or in its metadata) that follows the trajectory.",
+        default=None,
+    )
     own_actuators: bool = option("The MJCF's actuators, no servos.", "--own-actuators", default=False)
     store: bool = option("Keep the judged goals in the trajectory's file, and write the report of it.", default=True)
     report_file: Path | None = option(
@@ -83,6 +87,7 @@ def simulate(how: SimulateOptions, robot: RobotOptions, printing: PrintOptions) 
             feedback=how.feedback,
             backlash=how.backlash,
             objects=how.objects,
+            policy=how.policy,
             progress=begin("simulate"),
         )
     if how.store:

@@ -1,0 +1,187 @@
+"""A frozen controller as the plant: its contract, its observation, and the law that one that repeats the reference changes nothing."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from made_trajectories import hold
+
+import robot_retarget as rr
+from robot_retarget.base.errors import ServoError, UsageError
+from robot_retarget.judge.build import build_plant
+from robot_retarget.judge.playback import Playback, plain_goals, roll_out
+from robot_retarget.judge.policy import (
+    TERMS,
+    Contract,
+    Policy,
+    PolicyLoop,
+    Term,
+    contract_of,
+    from_metadata,
+    under_policy,
+)
+from robot_retarget.robot import load_robot
+from robot_retarget.servo.judgement import require_judged
+
+OP3 = load_robot("op3")
+N = len(OP3.joint_names)
+TIMES = np.arange(51)[:, None] / 50
+SQUAT = replace(
+    hold(OP3, 1.0), qpos=np.hstack([hold(OP3, 1.0).qpos[:, :-N], hold(OP3, 1.0).angles + 0.1 * np.sin(6 * TIMES)])
+)
+
+
+def gains() -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness and damping (n,) of the model's own servos."""
+    plant = build_plant(OP3, "free")
+    return plant.model.actuator_gainprm[plant.servos, 0].copy(), -plant.model.actuator_biasprm[plant.servos, 2]
+
+
+def contract(*terms: Term, rate: float = 125.0) -> Contract:
+    stiffness, damping = gains()
+    return Contract(rate, OP3.joint_names, np.zeros(N), np.ones(N), stiffness, damping, terms)
+
+
+REPEATS = Policy(contract(Term("reference_joints")), lambda observation: observation, N)
+
+
+def test_a_policy_that_returns_the_reference_gives_the_rollout_of_the_plain_simulation() -> None:
+    plant = build_plant(OP3, "free")
+    goals = plain_goals(plant, SQUAT, Playback(rate=125.0))
+    plain = roll_out(plant, SQUAT, "free", None, goals)
+    played = roll_out(under_policy(build_plant(OP3, "free"), REPEATS), SQUAT, "free", None, goals)
+    assert len(plain.qpos) > 100
+    np.testing.assert_array_equal(played.qpos, plain.qpos)
+    np.testing.assert_array_equal(played.torque, plain.torque)
+
+
+def test_the_order_of_a_contract_s_joints_is_its_own_and_other_joints_keep_the_reference() -> None:
+    order = list(reversed(range(N)))[2:]
+    stiffness, damping = gains()
+    partial = Contract(
+        125.0, tuple(OP3.joint_names[k] for k in order), np.full(N - 2, 0.1), np.full(N - 2, 0.5), stiffness[order],
+        damping[order], (Term("reference_joints"),),
+    )  # fmt: skip
+    doubled = Policy(partial, lambda observation: (observation - 0.1) / 0.5)
+    plant = build_plant(OP3, "free")
+    goals = plain_goals(plant, SQUAT, Playback(rate=125.0))
+    played = roll_out(under_policy(build_plant(OP3, "free"), doubled), SQUAT, "free", None, goals)
+    np.testing.assert_allclose(played.qpos, roll_out(plant, SQUAT, "free", None, goals).qpos, atol=1e-9)
+
+
+def test_terms_are_what_their_names_say() -> None:
+    plant = under_policy(build_plant(OP3, "free"), REPEATS)
+    walk = replace(SQUAT, qpos=SQUAT.qpos + np.eye(7 + N)[1] * 0.3 * TIMES)  # to the left at 0.3 m/s, looking along x
+    goals = plain_goals(plant, walk, Playback(rate=125.0, settle_before=0.2))
+    loop, data = PolicyLoop(plant, goals, walk), mujoco.MjData(plant.model)
+    turned = np.array([np.cos(np.pi / 4), 0, np.sin(np.pi / 4), 0])  # lies on its face
+    data.qpos[:3], data.qpos[3:7], data.qvel[:6] = [1.0, 2.0, 3.0], turned, [1, 2, 3, 4, 5, 6]
+    row = 60
+    seen = {name: TERMS[name](loop, row, data) for name in TERMS}
+    np.testing.assert_allclose(seen["gravity"], [1, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(seen["velocity"], [-3, 2, 1], atol=1e-12)
+    np.testing.assert_allclose(seen["gyro"], [4, 5, 6])
+    np.testing.assert_allclose(seen["command_velocity"], [0, 0.3], atol=1e-6)
+    np.testing.assert_allclose(seen["command_turn"], [0], atol=1e-9)
+    np.testing.assert_allclose(seen["reference_joints"], goals.angles[row])
+    np.testing.assert_allclose(seen["reference_speeds"], (goals.angles[row + 1] - goals.angles[row]) * 125)
+    place = walk.qpos[0, :3] + [0, 0.3 * goals.times[row], 0] - [1, 2, 3]
+    np.testing.assert_allclose(seen["reference_place"], [-place[2], place[1], place[0]], atol=1e-6)
+    np.testing.assert_allclose(seen["reference_turn"], [0, 0, 0, 1, 1, 0], atol=1e-12)
+    assert np.ptp(np.arctan2(seen["sin_phase"], seen["cos_phase"])) == pytest.approx(np.pi)
+
+
+def test_history_is_the_latest_values_oldest_first_and_begins_with_the_first() -> None:
+    seen: list[np.ndarray] = []
+    listens = Policy(contract(Term("reference_joints", 2.0, 3)), lambda o: (seen.append(o), o[-N:] / 2)[1])
+    plant = under_policy(build_plant(OP3, "free"), listens)
+    goals = plain_goals(plant, SQUAT, Playback(rate=125.0, settle_before=0.0))
+    roll_out(plant, SQUAT, "free", None, goals)
+    rows = 2 * goals.angles
+    np.testing.assert_array_equal(seen[0], np.tile(rows[0], 3))
+    np.testing.assert_array_equal(seen[9], rows[7:10].ravel())
+
+
+def test_a_wrong_width_an_unknown_term_and_a_strange_joint_are_refused_by_name() -> None:
+    wide = replace(REPEATS, width=N + 1)
+    with pytest.raises(UsageError, match=f"observes {N + 1} numbers, its contract gives {N}: reference_joints {N}"):
+        rr.simulate(SQUAT, OP3, policy=wide, draws=0)
+    with pytest.raises(UsageError, match=r"no observation 'smell'.*known: joints"):
+        contract(Term("smell"))
+    with pytest.raises(UsageError, match=f"gives 3 actions, its contract has {N} joints"):
+        rr.simulate(SQUAT, OP3, policy=replace(REPEATS, act=lambda observation: observation[:3]), draws=0)
+    strange = replace(REPEATS.contract, joints=("tail", *OP3.joint_names[1:]))
+    with pytest.raises(UsageError, match="drives 'tail'; known: head_pan"):
+        rr.simulate(SQUAT, OP3, policy=replace(REPEATS, contract=strange), draws=0)
+    with pytest.raises(UsageError, match="mode 'free'"):
+        rr.simulate(SQUAT, OP3, policy=REPEATS, mode="pinned")
+
+
+def test_contracts_are_read_from_toml_and_from_metadata() -> None:
+    table = {
+        "rate": 50, "joints": ["a", "b"], "default": [0.1, 0.2], "scale": 0.25, "stiffness": [10, 20], "damping": 1,
+        "observation": ["gyro", {"name": "joints", "scale": 2, "history": 5}],
+    }  # fmt: skip
+    read = contract_of(table)
+    assert read.scale.tolist() == [0.25, 0.25] and read.observation == (Term("gyro"), Term("joints", 2, 5))
+    with pytest.raises(UsageError, match=r"default has the shape \(3,\), there are 2 joints"):
+        contract_of(table | {"default": [1, 2, 3]})
+    mjlab = from_metadata(
+        {
+            "joint_names": "a,b", "default_joint_pos": "0.1,0.2", "action_scale": "0.5,0.6", "joint_stiffness": "10,20",
+            "joint_damping": "1,2", "observation_names": "command,motion_anchor_ori_b,base_ang_vel,joint_pos,joint_vel,actions",
+        }
+    )  # fmt: skip
+    assert [term.name for term in mjlab.observation] == [
+        "reference_joints", "reference_speeds", "reference_turn", "gyro", "joints", "speeds", "actions",
+    ]  # fmt: skip
+    assert mjlab.scale.tolist() == [0.5, 0.6] and mjlab.damping.tolist() == [1, 2]
+
+
+@pytest.mark.parametrize(
+    ("joints", "angles"),
+    [
+        (["left_hip_pitch_joint", "right_shoulder_roll_joint", "waist_yaw_joint"], [-0.312, -0.2, 0.0]),
+        (["AAHead_yaw", "Left_Shoulder_Roll", "Left_Knee_Pitch"], [0.0, -1.35, 0.4]),
+    ],
+)
+def test_holosoma_s_walkers_observe_a_hundred_numbers_of_29_joints(joints: list[str], angles: list[float]) -> None:
+    words = {"dof_names": json.dumps(joints), "kp": "[10, 20, 30]", "kd": "[1, 2, 3]"}
+    walker = from_metadata(words)
+    sizes = {"gyro": 3, "gravity": 3, "command_velocity": 2, "command_turn": 1, "sin_phase": 2, "cos_phase": 2}
+    assert sum(sizes.get(term.name, 29) for term in walker.observation) == 100
+    assert walker.default.tolist() == angles and walker.stiffness.tolist() == [10, 20, 30]
+    with pytest.raises(UsageError, match="write a contract"):
+        from_metadata(words | {"dof_names": '["a", "b", "c"]'})
+
+
+def test_the_verdict_is_that_of_the_policy_and_play_refuses_it(tmp_path: Path) -> None:
+    limp = replace(REPEATS, contract=replace(REPEATS.contract, stiffness=np.full(N, 0.01)), name="limp.onnx")
+    assert rr.simulate(SQUAT, OP3, policy=limp, draws=0).figures["fall_s"] is not None
+    report = rr.simulate(hold(OP3, 0.5), OP3, policy=REPEATS, draws=2)
+    assert report.verdict == "pass" and report.figures["policy"] == "policy" and report.trajectory is not None
+    path = report.trajectory.save(tmp_path / "trajectory.npz")
+    report.save(tmp_path / "report.json")
+    with pytest.raises(ServoError, match="judged under the policy policy, which playback does not run"):
+        require_judged(path, report.trajectory, OP3.servo_map, "op3")
+
+
+def test_an_onnx_file_is_read_with_its_contract_beside_it(tmp_path: Path) -> None:
+    onnx, helper = pytest.importorskip("onnx"), pytest.importorskip("onnx.helper")
+    pytest.importorskip("onnxruntime")
+    values = [helper.make_tensor_value_info(name, 1, [1, N]) for name in ("obs", "action")]
+    graph = helper.make_graph([helper.make_node("Identity", ["obs"], ["action"])], "same", values[:1], values[1:])
+    onnx.save(helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9), tmp_path / "p.onnx")
+    with pytest.raises(UsageError, match=r"no contract .*p\.toml"):
+        rr.simulate(SQUAT, OP3, policy=tmp_path / "p.onnx")
+    stiffness, damping = (value.tolist() for value in gains())
+    joints = ", ".join(f'"{joint}"' for joint in OP3.joint_names)
+    (tmp_path / "p.toml").write_text(
+        f"rate = 125\njoints = [{joints}]\ndefault = 0.0\nscale = 1.0\nstiffness = {stiffness}\ndamping = {damping}\n"
+        'observation = ["reference_joints"]\n'
+    )
+    report = rr.simulate(hold(OP3, 0.5), OP3, policy=tmp_path / "p.onnx", draws=0)
+    assert report.verdict == "pass" and report.figures["policy"] == "p.onnx"
