@@ -67,8 +67,13 @@ def write_csv(path: str | Path, columns: Sequence[str], rows: Iterable[Sequence[
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     for row in (columns, *rows):
-        writer.writerow([f"'{c}" if isinstance(c, str) and c.startswith(("=", "+", "-", "@")) else c for c in row])
+        writer.writerow([plain_cell(cell) if isinstance(cell, str) else cell for cell in row])
     return write_text(path, text.getvalue())
+
+
+def plain_cell(text: str) -> str:
+    """Return text that a spreadsheet does not run as a formula: with an apostrophe before one."""
+    return f"'{text}" if text.startswith(("=", "+", "-", "@", "\t", "\r")) else text
 
 
 @contextmanager

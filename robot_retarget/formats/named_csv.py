@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import TrajectoryError, known
+from robot_retarget.base.files import plain_cell
 from robot_retarget.formats.columns import Columns, joint_called
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.rows import NUMBER
@@ -71,6 +72,7 @@ def named_table(source: TrajectorySource) -> tuple[list[str], Floats]:
         TrajectoryError: a line that is not numbers or has another width than the header, or a name twice.
     """
     header = next(csv.reader(io.StringIO(source.head)), [])
+    header = [name[1:] if name == plain_cell(name[1:]) else name for name in header]
     try:
         rows = np.loadtxt(source.text.split("\n")[1:], delimiter=",", ndmin=2)
     except ValueError as error:
@@ -118,7 +120,8 @@ def columns(robot: Robot) -> list[str]:
 
 
 def quoted(name: str) -> str:
-    """A field as RFC 4180 writes it."""
+    """A field as RFC 4180 writes it, with an apostrophe before what a spreadsheet would run as a formula."""
+    name = plain_cell(name)
     return '"' + name.replace('"', '""') + '"' if set(name) & set(',"\n\r') else name
 
 
@@ -150,7 +153,9 @@ def write_soma(motion: RobotMotion, path: Path) -> None:
     turns = Rotation.from_quat(motion.quaternion, scalar_first=True).as_euler("xyz", degrees=True)
     rows = np.column_stack([motion.position * CENTIMETRES, turns, np.degrees(motion.angles)])
     with path.open("w", newline="", encoding="utf-8") as stream:
-        csv.writer(stream, lineterminator="\n").writerow([FRAME, *ROOT, *(name + JOINT for name in motion.joints)])
+        csv.writer(stream, lineterminator="\n").writerow(
+            [FRAME, *ROOT, *(plain_cell(name + JOINT) for name in motion.joints)]
+        )
         np.savetxt(
             stream, np.column_stack([np.arange(len(rows)), rows]), fmt=["%d"] + [NUMBER] * rows.shape[1], delimiter=","
         )

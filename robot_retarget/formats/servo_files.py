@@ -9,6 +9,7 @@ import numpy as np
 from robot_retarget.actuators.map import ServoMap, load_map, shipped_maps
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import TrajectoryError, UsageError, known
+from robot_retarget.base.files import plain_cell
 from robot_retarget.base.untrusted.limits import file_bytes
 from robot_retarget.formats.columns import Columns, joint_called
 from robot_retarget.formats.named_csv import TIME, named_table, rate
@@ -35,7 +36,7 @@ def write_servo_ticks(motion: RobotMotion, path: Path) -> None:
     joints = [joint for joint in servos.joints if joint in place]
     ticks = [[servos[j].ticks(q[motion.robot.qpos_index[place.index(j)]]) for j in joints] for q in motion.qpos]
     with path.open("w", newline="", encoding="utf-8") as stream:
-        csv.writer(stream, lineterminator="\n").writerow([TIME, *(joint + TICK for joint in joints)])
+        csv.writer(stream, lineterminator="\n").writerow([TIME, *(plain_cell(joint + TICK) for joint in joints)])
         table = np.column_stack([np.arange(len(motion)) / motion.fps, np.array(ticks)])
         np.savetxt(stream, table, fmt=[NUMBER, *["%d"] * len(joints)], delimiter=",")
 
@@ -102,6 +103,8 @@ TIME_BASE, SPEED, GAIN, INVALID = 0x0A, 32, 0x55, 0x4000
 """The schedule by time, the speed at which a time is a number of cycles, the gain of new pages, and a position of none."""
 CYCLE = 0.008
 """Of the player [s]."""
+LONGEST = 3600.0
+"""Of a motion whose steps are not even, which is read at every cycle [s]."""
 BETWEEN = 3
 """Cycles that the player spends between the sections of a step."""
 FPS = 1 / (10 * CYCLE)
@@ -195,6 +198,8 @@ def _even(angles: Floats, durations: Floats) -> tuple[Floats, float]:
     if np.allclose(durations[1:], durations[:1]):
         return angles, float(1 / durations[0])
     times = np.cumsum(durations) - durations[0]
+    if times[-1] > LONGEST:
+        raise TrajectoryError(f"its steps and pauses last {times[-1]:.0f} s, more than {LONGEST:g} s")
     grid = np.arange(0.0, times[-1] + CYCLE / 2, CYCLE)
     return np.stack([np.interp(grid, times, column) for column in angles.T], axis=1), 1 / CYCLE
 

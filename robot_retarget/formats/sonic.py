@@ -40,9 +40,7 @@ def write(motion: RobotMotion, path: Path) -> None:
         titles = [f"body_{k}_{axis}" for k in range(len(bodies)) for axis in axes]
         _save(path / name, values[:, bodies].reshape(len(motion), -1), titles)
     indices = " ".join(map(str, range(len(bodies))))
-    text = (
-        f"Metadata for: {path.name}\n{'=' * 30}\n\nBody part indexes:\n[{indices}]\n\nTotal timesteps: {len(motion)}\n"
-    )
+    text = f"Metadata for: {Path(motion.trajectory.source).stem or motion.robot.name}\n{'=' * 30}\n\nBody part indexes:\n[{indices}]\n\nTotal timesteps: {len(motion)}\n"
     (path / "metadata.txt").write_text(text, encoding="utf-8")
 
 

@@ -30,6 +30,8 @@ from robot_retarget.robot.model import Robot
 KEYS = ("joint_pos", "joint_vel", "body_pos_w", "body_quat_w", "body_lin_vel_w", "body_ang_vel_w")
 NEAR = 0.005
 """Largest distance of bodies from forward kinematics in the right order [m]: descriptions of one robot differ by less."""
+FAR = 0.05
+"""Bodies farther from forward kinematics are not those of the robot in this order [m]: HDMI's file read as `beyondmimic` strays by .36."""
 LOOKED_AT = 8
 """Number of frames that are compared."""
 
@@ -108,7 +110,22 @@ def _read(source: TrajectorySource, hinges: Ints, other: tuple[Ints, str]) -> Co
                 f"bodies are up to {mine:.3g} m from where the joints put them in this order, and within {theirs:.1g} m in "
                 f"that of {other[1]!r}: say --format {other[1]}"
             )
+    strayed = misfit(source, _order_of(source, hinges))
+    if FAR < strayed < np.inf:
+        raise TrajectoryError(
+            f"bodies are up to {strayed:.3g} m from where the joints put them: another robot, or another order of joints "
+            "(--joints a,b,…)"
+        )
     return Columns(angles, source.names(), positions[:, 0], quaternions[:, 0], source.rate, hinges)
+
+
+def _order_of(source: TrajectorySource, hinges: Ints) -> Ints:
+    """(n,) which hinge of the robot each column is, by its name where there is one; empty where one is not the robot's."""
+    names, robot = source.options.joints or source.names(), source.robot
+    if names is None:
+        return hinges
+    known = set(names) == set(robot.joint_names)
+    return np.array([robot.joint_names.index(name) for name in names] if known else [], dtype=np.int64)
 
 
 def misfit(source: TrajectorySource, hinges: Ints) -> float:

@@ -18,6 +18,8 @@ from robot_retarget.human.skeleton import Skeleton
 
 FARTHEST = 1e7
 """A joint farther from the origin is a mistake [file units]: 10 km in millimetres."""
+UNIT = 1e-3
+"""Largest deviation of a quaternion's norm from one, behind the readers [-]: that of single precision is 1e-7."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,15 @@ class Capture:
             if values is not None and not np.isfinite(values).all():
                 frame, joint = np.argwhere(~np.isfinite(values))[0, :2]
                 raise MotionError(f"frame {frame}, joint {self.skeleton.names[joint]!r} is not finite", self.source)
+        if not np.isfinite(self.skeleton.offsets).all():
+            joint = int(np.argwhere(~np.isfinite(self.skeleton.offsets))[0, 0])
+            raise MotionError(f"the offset of joint {self.skeleton.names[joint]!r} is not finite", self.source)
+        if self.rotations is not None:
+            off = np.abs(np.sqrt(np.vecdot(self.rotations, self.rotations)) - 1) > UNIT
+            if off.any():
+                frame, joint = np.argwhere(off)[0]
+                name = self.skeleton.names[joint]
+                raise MotionError(f"frame {frame}, joint {name!r}: the quaternion is not unit", self.source)
         if not np.ptp(self.positions, axis=1).any() and len(self.skeleton) > 1:
             raise MotionError("all joints are at one place in every frame", self.source)
         far = np.abs(self.positions) > FARTHEST

@@ -108,6 +108,10 @@ UNITS = {
 """Metres in each unit that exporters use. The CMU library divides inches by 0.45."""
 STATURES = (1.2, 2.1)
 """Of a body that a unit of the table is believed for [m]."""
+FARTHEST = 10_000.0
+"""A joint farther from the origin is a mistake [m]; a walk outdoors is shorter."""
+TALLEST = 8.0
+"""A body whose stature is more leg lengths is none [-]; adults have 2, cartoon figures 4."""
 
 
 def upright(
@@ -181,7 +185,10 @@ def unit_of(recognition: Recognition, positions: Floats, height: float | None = 
     for name, metres in UNITS.items():
         if STATURES[0] <= tall * metres <= STATURES[1]:
             return metres, f"The unit is the {name}: a stature of {tall * metres:.2f} m."
-    metres = LEG / leg_length(recognition, positions)
+    leg = leg_length(recognition, positions)
+    if not tall < TALLEST * leg:
+        raise MotionError(f"a stature of {tall:.3g} over legs of {leg:.3g} is no body")
+    metres = LEG / leg
     return (
         metres,
         f"No known unit fits: scaled to legs of {LEG} m ({metres:.4g} m a unit), a stature of {tall * metres:.2f} m.",
@@ -231,6 +238,9 @@ def _motion(capture: Capture, metres: float, axis: str, notes: tuple[str, ...]) 
     if capture.rotations is not None:
         rotations = capture.rotations.copy()
         rotations[..., 1:] = rotations[..., 1:] @ turn.T
+    farthest = float(np.abs(capture.positions).max()) * metres
+    if farthest > FARTHEST:
+        raise MotionError(f"a joint is {farthest:.3g} m from the origin, more than {FARTHEST:g} m", capture.source)
     skeleton = replace(capture.skeleton, offsets=metres * capture.skeleton.offsets @ turn.T)
     positions = metres * capture.positions @ turn.T
     return Motion(

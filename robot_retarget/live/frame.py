@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import dataclass, field
 from enum import StrEnum
+from math import isfinite
 
 import numpy as np
 
@@ -157,8 +158,10 @@ class SenderClock:
         """Return the time of a frame; without a stamp its arrival.
 
         Raises:
-            RefusedError: its stamp is not after the one before.
+            RefusedError: its stamp is not after the one before, or not finite.
         """
+        if stamp is not None and not isfinite(stamp):
+            raise RefusedError(Fault.NOT_FINITE, "time")
         made = arrived if stamp is None else stamp + self._follow(stamp, arrived)
         self._last = max(made, self._last + LEAST)
         return self._last

@@ -68,6 +68,9 @@ class HeadsetSource:
             time.sleep(min(POLL, until - now))
 
     def _frame(self, body: TrackedBody, arrived: float) -> Frame:
+        if np.shape(body.poses) != (JOINTS, 7) or np.shape(body.tracked) != (JOINTS,):
+            shapes = f"{np.shape(body.poses)} and {np.shape(body.tracked)}"
+            raise RefusedError(Fault.MALFORMED, f"a body of {shapes}, expected ({JOINTS}, 7) and ({JOINTS},)")
         held = self._body.step(body.poses, body.tracked)
         if held is None:
             raise RefusedError(Fault.NOT_TRACKED, "no pelvis")
@@ -97,9 +100,7 @@ class XrtHeadset:
         if stamp == self._stamp or not self._sdk.is_body_data_available():
             return None
         self._stamp = stamp
-        return TrackedBody(
-            np.array(self._sdk.get_body_joints_pose(), dtype=float), np.ones(JOINTS, dtype=bool), stamp * NANO
-        )
+        return TrackedBody(_numbers(self._sdk.get_body_joints_pose()), np.ones(JOINTS, dtype=bool), stamp * NANO)
 
     def close(self) -> None:
         self._sdk.close()
@@ -137,7 +138,10 @@ class IsaacHeadset:
         if found is None:
             return None
         joints = found.joints
-        poses = np.concatenate([joints.positions, joints.orientations], axis=1, dtype=float)
+        places, turns = _numbers(joints.positions), _numbers(joints.orientations)
+        if places.ndim != 2 or turns.ndim != 2 or len(places) != len(turns):
+            return TrackedBody(np.zeros(0), np.zeros(0, dtype=bool), None)
+        poses = np.concatenate([places, turns], axis=1)
         if poses.tobytes() == self._last:
             return None
         self._last = poses.tobytes()
@@ -145,6 +149,14 @@ class IsaacHeadset:
 
     def close(self) -> None:
         self._open.close()
+
+
+def _numbers(values: Any) -> Floats:
+    """Return numbers as an array; empty where they are none."""
+    try:
+        return np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        return np.zeros(0)
 
 
 def _installed(module: str, package: str, source: str) -> Any:

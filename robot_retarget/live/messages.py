@@ -60,7 +60,7 @@ class LineDecoder:
 
     def feed(self, data: bytes, arrived: float) -> int:
         *lines, rest = (self._rest + data).split(b"\n")
-        if self._whole:
+        if self._whole or not data:  # the end of the input ends its last line
             lines, rest = [*lines, rest], b""
         if len(rest) > LONGEST_LINE:
             self._faults.note(Fault.MALFORMED, f"{len(rest)} bytes without the end of a line")
@@ -94,8 +94,6 @@ class LineDecoder:
         stamp = message.get("time")
         if stamp is not None and (isinstance(stamp, bool) or not isinstance(stamp, int | float)):
             raise RefusedError(Fault.MALFORMED, f"time {stamp!r}")
-        if stamp is not None and not np.isfinite(stamp):
-            raise RefusedError(Fault.NOT_FINITE, "time")
         bodies = message.get("bodies", {})
         if not isinstance(bodies, dict):
             raise RefusedError(Fault.MALFORMED, "bodies is not an object of poses by name")
@@ -211,7 +209,5 @@ class FloatDecoder:
         data, arrived = self._newest
         _, joints, width, stamp = HEAD.unpack_from(data)
         rows = np.frombuffer(data, "<f4", offset=HEAD.size).reshape(joints, width).astype(float)
-        if not np.isfinite(stamp):
-            raise RefusedError(Fault.NOT_FINITE, "time")
         frame = Frame(self._joints, arrived, arrived, rows[:, :3], rows[:, 3:] if width > 3 else None)
         return frame.at(self.clock.time(stamp, arrived))

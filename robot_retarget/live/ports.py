@@ -171,7 +171,7 @@ class StdinPort:
             return []
         data = os.read(self._handle, CHUNK)
         self.ended = not data
-        return [Packet(data, "stdin", time.monotonic())] if data else []
+        return [Packet(data, "stdin", time.monotonic())]
 
     def close(self) -> None:
         """Leave standard input open."""

@@ -6,13 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import SceneError, known
 from robot_retarget.base.untrusted.arrays import load_npz, rate_of, shaped
 from robot_retarget.base.untrusted.limits import refusing
 from robot_retarget.base.untrusted.pickles import load_pickle
+from robot_retarget.base.untrusted.rotations import checked_quaternions, quaternions_of_matrices, quaternions_of_vectors
+from robot_retarget.scene.scene import interpolated
 
 COLUMNS = (("Position", "XYZ"), ("Rotation", "WXYZ"))
 """Channels of a pose and their axes, in the order x y z, w x y z."""
@@ -72,6 +73,8 @@ ORDERS = ("wxyz", "xyzw")
 INTERMIMIC = slice(318, 325)
 """Columns of InterMimic's rows with the pose of the object: x y z [m], quaternion x y z w."""
 POSE_KEYS = ("poses", "object_poses", "object_pose")
+GAP = 0.5
+"""Longest time in which a body was not seen that is bridged, as of a human's points [s]."""
 ROBOT = 7
 """Columns of a root before the joints of a robot, and of an object behind them."""
 
@@ -115,7 +118,22 @@ def read_poses(path: Path, body: str, order: str | None) -> PoseTable:
 
 def _motive(file: Path, name: str, order: str | None) -> PoseTable:
     poses, fps, unit = read_rigid_body(file, name)
-    return PoseTable(poses, fps, "y", unit)
+    return PoseTable(_bridged(poses, fps), fps, "y", unit)
+
+
+def _bridged(poses: Floats, fps: float | None) -> Floats:
+    """Poses (T, 7) whose gaps of up to `GAP` are bridged along the shortest way; longer ones stay NaN."""
+    turns = checked_quaternions(poses[:, 3:], "Rotation", gaps=True)
+    poses = np.concatenate([poses[:, :3], turns], axis=1)
+    seen, frames = np.isfinite(poses).all(axis=1), np.arange(len(poses))
+    known = np.flatnonzero(seen)
+    if fps is None or not known.size:
+        return poses
+    led = interpolated(poses[known], np.interp(frames, known, np.arange(len(known))))
+    after = known[np.minimum(np.searchsorted(known, frames), len(known) - 1)]
+    before = known[np.maximum(np.searchsorted(known, frames, "right") - 1, 0)]
+    short = (before < frames) & (frames < after) & (after - before - 1 <= GAP * fps)
+    return np.where((seen | short)[:, None], np.where(short[:, None], led, poses), np.nan)
 
 
 def _pickled(file: Path, name: str, order: str | None) -> PoseTable:
@@ -155,10 +173,10 @@ def _turning(places: np.ndarray, turns: np.ndarray, place: str, turn: str) -> Fl
     """Return poses (T, 7) of places (T, 3) and rotations, as vectors (T, 3) [rad] or matrices (T, 3, 3)."""
     where = shaped(places.reshape(len(places), -1), (None, 3), place)
     if turns.shape[1:] == (3, 3):
-        made = Rotation.from_matrix(shaped(turns, (len(where), 3, 3), turn))
+        made = quaternions_of_matrices(shaped(turns, (len(where), 3, 3), turn), turn)
     else:
-        made = Rotation.from_rotvec(shaped(turns.reshape(len(turns), -1), (len(where), 3), turn))
-    return np.concatenate([where, made.as_quat(scalar_first=True)], axis=1)
+        made = quaternions_of_vectors(shaped(turns.reshape(len(turns), -1), (len(where), 3), turn), turn)
+    return np.concatenate([where, made], axis=1)
 
 
 READERS = {".npz": _archive, ".pt": _pickled, ".pkl": _pickled, ".p": _pickled, ".csv": _motive}

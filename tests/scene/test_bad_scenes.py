@@ -106,9 +106,17 @@ def test_a_command_ends_with_2_and_one_line(folder: Path) -> None:
 
 def test_a_body_that_motive_lost_is_refused(tmp_path: Path) -> None:
     seen = [0, 0, 0, 1, 0, 200, 1500]
-    optitrack(tmp_path, [seen if k != 7 else [""] * 7 for k in range(60)])
-    with pytest.raises(SceneError, match=r"'crate' has no pose at frame 7"):
+    optitrack(tmp_path, [seen if not 7 <= k < 24 else [""] * 7 for k in range(60)])
+    with pytest.raises(SceneError, match=r"'crate' has no pose at frame 7 \(17 of 60 frames\)"):
         rr.read_scene(written(tmp_path, CRATE))
+
+
+def test_a_short_gap_of_a_motive_body_is_bridged_and_a_longer_one_stays(tmp_path: Path) -> None:
+    places = np.arange(60.0)
+    lost = [7, 8, 31]
+    optitrack(tmp_path, [[0, 0, 0, 1, 0, 200, x] if k not in lost else [""] * 7 for k, x in enumerate(places)])
+    found = rr.read_scene(written(tmp_path, CRATE)).bodies[0].poses
+    np.testing.assert_allclose(found[:, 0], places / 1000, atol=1e-9)
 
 
 def test_a_cell_that_is_no_number_is_named_by_its_line(tmp_path: Path) -> None:

@@ -151,6 +151,8 @@ KINDS = {"number": "fiu", "integer": "iu", "text": "U"}
 """Kinds of fields, and the letters of their NumPy data types."""
 RATE_KEYS = ("fps", "motion_fps", "framerate", "frame_rate", "mocap_framerate", "mocap_frame_rate", "frequency")
 """Names of frames per second."""
+RATES = (0.01, 10_000.0)
+"""Frame rates outside these bounds are mistakes [1/s]."""
 
 
 @dataclass(frozen=True)
@@ -254,6 +256,11 @@ def rate_of(table: Mapping[str, Any]) -> float | None:
     if key is None:
         return None
     value = np.asarray(table[key])
-    if value.size != 1 or value.dtype.kind not in KINDS["number"] or not 0 < value.item() < np.inf:
-        raise FileError(f"{key} must be one positive number, got {value.dtype} {value.shape}")
+    if value.size != 1 or value.dtype.kind not in KINDS["number"] or not RATES[0] <= value.item() <= RATES[1]:
+        found = (
+            f"{value.item():g}"
+            if value.size == 1 and value.dtype.kind in KINDS["number"]
+            else f"{value.dtype} {value.shape}"
+        )
+        raise FileError(f"{key} must be one positive number from {RATES[0]:g} to {RATES[1]:g}, got {found}")
     return float(value.item())

@@ -1,5 +1,6 @@
 """The one table of limits of a file, the one way in which a broken file is refused, and bytes of packed files within the limits."""
 
+import csv
 import pickle
 import struct
 import tokenize
@@ -42,6 +43,7 @@ BROKEN = (
     RuntimeError,
     TypeError,
     ValueError,
+    csv.Error,
     struct.error,
     tokenize.TokenError,
     zipfile.BadZipFile,

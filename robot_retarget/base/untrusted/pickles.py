@@ -46,6 +46,18 @@ def load_pickle(path: Path) -> Any:
         return _load_torch(path) if is_zip(path) else _load(unpacked(path), LIMITS.unpacked(path), {}.__getitem__)
 
 
+def parse_pickle(program: bytes, limit: int) -> Any:
+    """Read a pickle within another.
+
+    Args:
+        limit: most bytes that it may make.
+
+    Raises:
+        UnpicklingError: it would make anything but data.
+    """
+    return _load(program, limit, {}.__getitem__)
+
+
 def _load_torch(path: Path) -> Any:
     with opened_zip(path, "file of PyTorch") as archive:
         index = next((name for name in archive.namelist() if name.endswith("data.pkl")), None)
@@ -235,8 +247,9 @@ _MAKERS: dict[tuple[str, str], Callable[..., Any]] = {
     ("builtins", "list"): list,
     ("builtins", "dict"): dict,
     ("builtins", "set"): set,
+    ("protomotions.simulator.base_simulator.simulator_state", "StateConversion"): lambda value: value,
 }
-"""All that a pickle may make."""
+"""All that a pickle may make; the word of an enumeration is its value."""
 _STORAGES = {
     "DoubleStorage": "<f8",
     "FloatStorage": "<f4",

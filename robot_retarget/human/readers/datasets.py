@@ -1,15 +1,18 @@
-"""Arrays and frames of numbers of data sets: DeepMimic, HumanML3D, Motion-X."""
+"""Arrays and frames of numbers of data sets: DeepMimic, HumanML3D, Motion-X, PHUMA, PARC."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import MotionError
-from robot_retarget.base.untrusted.arrays import load_arrays
+from robot_retarget.base.untrusted.arrays import load_arrays, rate_of, shaped
 from robot_retarget.base.untrusted.documents import read_json
+from robot_retarget.base.untrusted.rotations import checked_quaternions
 from robot_retarget.human.capture import Capture, FileHeader, Request
 from robot_retarget.human.readers.points import of_points
 from robot_retarget.human.readers.positions import CONTACT, HUMANML3D
@@ -182,29 +185,60 @@ def humanml3d_positions(features: Floats) -> Floats:
     return np.concatenate([root[:, None], turned], axis=1)
 
 
-# Motion-X: rows of 322 numbers, the parameters of SMPL-X side by side.
-#
-# Columns of a frame: 0–2 the root's vector of rotation, 3–65 those of 21 joints, 66–158 hands and jaw, 159–308 the face,
-# 309–311 the place, 312–321 the shape.
+# Motion-X and PHUMA: parameters of SMPL-X side by side, a row a frame. Root and 21 joints are vectors of rotation. The rows of
+# Motion-X have hands, jaw and face behind the joints, and the shape at their end.
 
-MOTION_X_WIDTH = 322
-MOTION_X_FPS = 30.0
-"""Of the data set [1/s]."""
+ROWS = {
+    322: {"root_orient": slice(3), "pose_body": slice(3, 66), "trans": slice(309, 312), "betas": slice(312, 322)},
+    69: {"trans": slice(3), "root_orient": slice(3, 6), "pose_body": slice(6, 69)},
+}
+"""Columns of each parameter, by the width of the rows: Motion-X, PHUMA."""
+ROWS_FPS = 30.0
+"""Of both data sets [1/s]."""
 
 
-def is_motion_x(header: FileHeader) -> bool:
+def is_smplx_rows(header: FileHeader) -> bool:
     """Whether an array is as wide as the rows."""
-    return len(header.shape) == 2 and header.shape[1] == MOTION_X_WIDTH
+    return len(header.shape) == 2 and header.shape[1] in ROWS
 
 
-def read_motion_x(path: Path, request: Request) -> Capture:
+def read_smplx_rows(path: Path, request: Request) -> Capture:
     """Read the rotations of the body, its place and its shape.
 
     Raises:
-        MotionError: not (T, 322) finite numbers.
+        MotionError: not (T, 322) or (T, 69) finite numbers.
     """
     rows = load_arrays(path)["positions"]
-    if rows.ndim != 2 or rows.shape[1] != MOTION_X_WIDTH or not len(rows) or rows.dtype.kind not in "fiu":
-        raise MotionError(f"expected rows (T, {MOTION_X_WIDTH}), got {rows.dtype} {rows.shape}", path)
-    arrays = {"root_orient": rows[:, :3], "pose_body": rows[:, 3:66], "trans": rows[:, 309:312], "betas": rows[:, 312:]}
-    return captured({**arrays, "fps": request.fps or MOTION_X_FPS}, path, request)
+    if rows.ndim != 2 or rows.shape[1] not in ROWS or not len(rows) or rows.dtype.kind not in "fiu":
+        raise MotionError(f"expected rows (T, {' or '.join(map(str, ROWS))}), got {rows.dtype} {rows.shape}", path)
+    arrays = {name: rows[:, columns] for name, columns in ROWS[rows.shape[1]].items()}
+    return captured({**arrays, "fps": request.fps or ROWS_FPS}, path, request)
+
+
+# PARC: pickled motions of DeepMimic's body with z up. Quaternions are x y z w, those of the joints in their parents.
+
+PARC_JOINTS = (
+    "root", "chest", "neck", "right_shoulder", "right_elbow", "right_wrist", "left_shoulder", "left_elbow", "left_wrist",
+    "right_hip", "right_knee", "right_ankle", "left_hip", "left_knee", "left_ankle",
+)  # fmt: skip
+"""Its bodies, by the joint of DeepMimic's skeleton that turns each."""
+
+
+def parc_capture(motion: Mapping[str, Any], path: Path, request: Request) -> Capture:
+    """Make a capture of a motion of PARC: `root_pos` (T, 3) [m], `root_rot` (T, 4), `joint_rot` (T, 14, 4), `fps`.
+
+    Raises:
+        FileError: an array is missing, has another shape, or is no rotation.
+    """
+    place = shaped(motion["root_pos"], (None, 3), "root_pos")
+    root = shaped(motion["root_rot"], (len(place), 4), "root_rot")
+    joints = shaped(motion["joint_rot"], (len(place), len(PARC_JOINTS) - 1, 4), "joint_rot")
+    known = checked_quaternions(np.concatenate([root[:, None], joints], axis=1), "root_rot, joint_rot")
+    turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(place), len(_JOINTS), 1))
+    turns[:, [_NAMES.index(name) for name in PARC_JOINTS]] = known[..., [3, 0, 1, 2]]
+    x, y, z = SKELETON.offsets.T
+    skeleton = Skeleton(_NAMES, SKELETON.parents, np.stack([x, -z, y], axis=1))
+    translations = np.tile(skeleton.offsets, (len(place), 1, 1))
+    translations[:, 0] = place
+    fps, notes = request.rate(rate_of(motion))
+    return Capture(skeleton, *forward(skeleton.parents, translations, turns), fps, str(path), notes, up="+z")

@@ -9,7 +9,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from robot_retarget.base.arrays import Floats
-from robot_retarget.base.errors import MotionError
+from robot_retarget.base.errors import FileError, MotionError
+from robot_retarget.base.untrusted.limits import LIMITS
+from robot_retarget.base.untrusted.rotations import checked_quaternions, quaternions_of_matrices
 from robot_retarget.human.capture import Capture, FileHeader, Request
 from robot_retarget.human.readers.gltf_container import GltfFile
 from robot_retarget.human.skeleton import Skeleton, sorted_tree
@@ -158,10 +160,7 @@ class Nodes:
             track = keys.get((node, path))
             values = np.broadcast_to(rest[path], (len(times), width)) if track is None else track.at(times, width == 4)
             found[path] = values
-        try:
-            turn = Rotation.from_quat(found["rotation"])
-        except ValueError as error:
-            raise self.file.error(f"nodes[{node}].rotation", str(error)) from error
+        turn = Rotation.from_quat(checked_quaternions(found["rotation"], f"nodes[{node}].rotation"))
         return found["translation"], turn, found["scale"]
 
     def _rest(self, node: int) -> dict[str, Floats]:
@@ -188,7 +187,8 @@ def _parts(matrix: Floats) -> dict[str, Floats]:
     size = np.linalg.norm(matrix[:3, :3], axis=0)
     if np.linalg.det(matrix[:3, :3]) < 0:
         size = -size
-    turn = Rotation.from_matrix(matrix[:3, :3] / size).as_quat()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turn = quaternions_of_matrices(matrix[:3, :3] / size, "matrix")[[1, 2, 3, 0]]
     return {"translation": matrix[:3, 3], "rotation": turn, "scale": size}
 
 
@@ -211,6 +211,8 @@ def _spline(times: Floats, before: Floats, values: Floats, after: Floats, t: Flo
 # rest, where the nodes are as the file places them, no joint is turned.
 
 VRMA = "VRMC_vrm_animation"
+FRAME = 56
+"""Of a joint in a frame, place and turn [bytes]."""
 
 
 def matches_format(header: FileHeader) -> bool:
@@ -228,6 +230,8 @@ def read(path: Path, request: Request) -> Capture:
     file = GltfFile.of(path)
     try:
         return _animated(file, request)
+    except FileError as error:
+        raise MotionError(str(error), path) from error
     except (AttributeError, LookupError, TypeError, ValueError) as error:
         raise MotionError(f"not laid out as glTF 2.0: {error}", path) from error
 
@@ -244,7 +248,8 @@ def _animated(file: GltfFile, request: Request) -> Capture:
     keys = nodes.keys(animations[which], f"animations[{which}]")
     joints, kind = _joints(file, keys)
     fps, rate_notes = request.rate()
-    times = _times([track.times for track in keys.values()], fps)
+    most = LIMITS.unpacked(path) / (FRAME * max(len(joints), 1))
+    times = _times([track.times for track in keys.values()], fps, most)
     skeleton, positions, rotations = _posed(nodes, keys, joints, times)
     return Capture(skeleton, positions, rotations, fps, str(path), (*kind, *notes, *rate_notes), up="+y")
 
@@ -290,7 +295,9 @@ def _different(names: Sequence[str]) -> list[str]:
     return [name if names.index(name) == k else f"{name}_{k}" for k, name in enumerate(names)]
 
 
-def _times(tracks: Sequence[Floats], fps: float) -> Floats:
-    """From the first key to the last [s], evenly."""
+def _times(tracks: Sequence[Floats], fps: float, most: float) -> Floats:
+    """From the first key to the last [s], evenly, in at most so many frames."""
     first, last = min(float(t[0]) for t in tracks), max(float(t[-1]) for t in tracks)
+    if not (last - first) * fps < most:
+        raise MotionError(f"keys over {last - first:.3g} s, more than {most / fps:.0f} s for a file of this size")
     return first + np.arange(int((last - first) * fps + 1e-6) + 1) / fps

@@ -70,6 +70,8 @@ JOINT = np.dtype([("pose", "<f4", 7), ("tracked", "u1"), ("padding", "u1", 3)])
 FIRST = 4
 """Offset of the first field in a table of offsets [bytes]; a field of `data` and `joints` alike."""
 NANO = 1e-9
+PAUSED = 4.0
+"""Most frames of a clip for each of its records [-]: a pause of three quarters of a session is cut, not held."""
 
 
 def matches_format(header: FileHeader) -> bool:
@@ -96,6 +98,11 @@ def read(path: Path, request: Request) -> Capture:
         raise MotionError(f"needs two records {SCHEMA} or more with a tracked pelvis; it holds {listed}", path)
     times, places, turns, lost = (np.array(part) for part in zip(*bodies, strict=True))
     fps, notes = request.rate(float(np.round(1 / np.median(np.diff(times)), 2)))
+    if not (times[-1] - times[0]) * fps < PAUSED * len(times):
+        pause = f"{float(np.diff(times).max()):.3g} s"
+        raise MotionError(
+            f"its records stop for up to {pause}: cut the session there, or say its rate with --fps", path
+        )
     nearest = _nearest(times, fps)
     away = [
         f"{name} {100 * share:.0f} %"

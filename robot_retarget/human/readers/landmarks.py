@@ -11,11 +11,14 @@ from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import MotionError
 from robot_retarget.base.untrusted import documents
 from robot_retarget.base.untrusted.arrays import load_arrays
+from robot_retarget.base.untrusted.limits import LIMITS
 from robot_retarget.human.capture import Capture, FileHeader, Request
 from robot_retarget.human.readers.points import bridged, of_points
 
 # Landmarks as text: FreeMoCap's tables, wide and long, and MediaPipe's results as JSON.
 
+PLACE = 24
+"""Of a point in a frame [bytes]."""
 MOST_FRAMES = 10**6
 """Of a table that says its frames' numbers: nine hours at 30 frames a second."""
 Table = dict[str, Floats]
@@ -68,6 +71,8 @@ def _long(header: list[str], rows: Iterable[list[str]], path: Path, names: Seque
         last = max(last, frame)
         if name in names:
             places.setdefault(name, {})[frame] = [_number(row, at[axis], path, line) for axis in "xyz"]
+    if (last + 1) * len(places) * PLACE > LIMITS.unpacked(path):
+        raise MotionError(f"frame {last} is more than a file of its size may have", path)
     table = {name: np.full((last + 1, 3), np.nan) for name in places}
     for name, path_of in places.items():
         table[name][list(path_of)] = list(path_of.values())

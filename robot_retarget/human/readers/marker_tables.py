@@ -7,8 +7,17 @@ import numpy as np
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import MotionError, known
+from robot_retarget.base.untrusted.rotations import checked_quaternions
 from robot_retarget.human.capture import Capture, FileHeader, Request
-from robot_retarget.human.readers.points import UNITS, LabelledPoints, bridged, labelled_capture, numbers, title_of
+from robot_retarget.human.readers.points import (
+    UNITS,
+    LabelledPoints,
+    bridged,
+    bridged_turns,
+    labelled_capture,
+    numbers,
+    title_of,
+)
 from robot_retarget.human.readers.positions import first_offsets
 from robot_retarget.human.skeleton import Skeleton
 
@@ -32,16 +41,16 @@ def read_trc(path: Path, request: Request) -> Capture:
     lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
     if len(lines) < 6:
         raise MotionError(f"expected five lines of header and a row a frame, found {len(lines)} lines", path)
-    keys, values, labels = (lines[k].split("\t") for k in (1, 2, 3))
+    keys, values, labels = lines[1].split(), lines[2].split(), lines[3].split("\t")
     header = {key.strip().lower(): value.strip() for key, value in zip(keys, values, strict=False)}
     unit = header.get("units", "mm").lower()
     if unit not in UNITS:
         raise MotionError(f"Units: expected one of {', '.join(UNITS)}, found {unit!r}", path, 3)
     titles = [title_of(label) for label in labels[2:] if label.strip()]
     rows = [(k, line) for k, line in enumerate(lines[5:], 6) if line.strip()]
-    points = np.array([numbers(line.split("\t")[2:], 3 * len(titles), path, k) for k, line in rows]).reshape(
-        len(rows), -1, 3
-    )
+    count = 3 * len(titles)
+    points = np.array([numbers(_cells(line, 2 + count)[2:], count, path, k) for k, line in rows])
+    points = points.reshape(len(rows), -1, 3)
     rate = header.get("datarate") or header.get("camerarate")
     return labelled_capture(LabelledPoints(titles, points * UNITS[unit], float(rate) if rate else None), path, request)
 
@@ -52,6 +61,13 @@ def read_trc(path: Path, request: Request) -> Capture:
 # units, then rows; an empty cell is a lost point, and an empty line ends the block.
 
 BLOCK = "trajectories"
+
+
+def _cells(line: str, count: int) -> list[str]:
+    """The cells of a row; where tabs are doubled, and no cell is empty, the tabs between them count once."""
+    cells = line.rstrip().split("\t")
+    filled = [cell for cell in cells if cell.strip()]
+    return filled if len(cells) > count == len(filled) else cells
 
 
 def is_vicon(header: FileHeader) -> bool:
@@ -172,17 +188,11 @@ def _bones(
     rate, notes = request.rate(fps)
     values = np.stack([np.concatenate([places[title + b], turns[title + b]], axis=1) for b in bones], axis=1)
     kept, span, gaps = bridged(values[..., :3], bones, rate, str(path))
-    rotations = _held(values[span][..., 3:])
+    turns = checked_quaternions(values[span][..., 3:], "Rotation", gaps=True)
+    rotations, lost = bridged_turns(turns, bones, rate, str(path), span.start)
     parents = np.array([bones.index(p) if (p := _present(PARENTS[b], bones)) else -1 for b in bones])
     skeleton = Skeleton(tuple(bones), parents, first_offsets(parents, kept * unit, rotations))
-    return Capture(skeleton, kept * unit, rotations, rate, str(path), (*others, *gaps, *notes))
-
-
-def _held(turns: Floats) -> Floats:
-    """(T, B, 4) without gaps: a lost bone keeps its last rotation."""
-    seen = np.isfinite(turns).all(axis=2)
-    last = np.maximum.accumulate(np.where(seen, np.arange(len(turns))[:, None], 0), axis=0)
-    return turns[last, np.arange(turns.shape[1])]
+    return Capture(skeleton, kept * unit, rotations, rate, str(path), (*others, *gaps, *lost, *notes))
 
 
 def _present(parent: str, bones: list[str]) -> str:

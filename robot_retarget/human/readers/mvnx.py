@@ -14,7 +14,9 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Bools, Floats
 from robot_retarget.base.errors import MotionError
+from robot_retarget.base.untrusted.rotations import checked_quaternions
 from robot_retarget.human.capture import Capture, FileHeader, Request
+from robot_retarget.human.readers.points import bridged_turns
 from robot_retarget.human.skeleton import Skeleton, sorted_tree
 
 CONTACTS = ("LeftFoot_Heel", "LeftFoot_Toe", "RightFoot_Heel", "RightFoot_Toe")
@@ -59,9 +61,9 @@ def read(path: Path, request: Request) -> Capture:
     if not subject.frames:
         raise MotionError(f"no frame of type normal with <position> and <orientation> of {subject.name!r}", path)
     skeleton, order = _skeleton(subject, path)
-    positions, rotations = _placed(subject, skeleton, order, path)
     fps, notes = request.rate(subject.fps)
-    return Capture(skeleton, positions, rotations, fps, str(path), (*others, *notes), _contacts(subject), "+z")
+    positions, rotations, gaps = _placed(subject, skeleton, order, path, fps)
+    return Capture(skeleton, positions, rotations, fps, str(path), (*others, *gaps, *notes), _contacts(subject), "+z")
 
 
 def _subjects(path: Path) -> Iterator[_Subject]:
@@ -136,8 +138,10 @@ def _skeleton(subject: _Subject, path: Path) -> tuple[Skeleton, list[int]]:
     return Skeleton(tuple(names), np.array(tree), np.array(offsets)), order
 
 
-def _placed(subject: _Subject, skeleton: Skeleton, order: list[int], path: Path) -> tuple[Floats, Floats]:
-    """(T, J, 3) [m] and (T, J, 4) in the world; ends are carried by their segments."""
+def _placed(
+    subject: _Subject, skeleton: Skeleton, order: list[int], path: Path, fps: float
+) -> tuple[Floats, Floats, tuple[str, ...]]:
+    """(T, J, 3) [m] and (T, J, 4) in the world, ends carried by their segments, and notes about bridged gaps."""
     count, frames = len(order), len(subject.frames)
     for key, size in (("position", 3), ("orientation", 4)):
         wrong = next((t for t, frame in enumerate(subject.frames) if frame[key].size != size * count), None)
@@ -148,12 +152,14 @@ def _placed(subject: _Subject, skeleton: Skeleton, order: list[int], path: Path)
         np.array([frame[key] for frame in subject.frames]).reshape(frames, count, -1)[:, order]
         for key in ("position", "orientation")
     )
+    turn = checked_quaternions(turn, "<orientation>", gaps=True)
+    turn, gaps = bridged_turns(turn, skeleton.names, fps, str(path))
     ends = skeleton.parents[count:].tolist()
     carried = [
         place[:, k] + Rotation.from_quat(turn[:, k], scalar_first=True).apply(offset)
         for k, offset in zip(ends, np.array(skeleton.offsets[count:]), strict=True)
     ]
-    return np.concatenate([place, np.stack(carried, 1)], 1), np.concatenate([turn, turn[:, ends]], axis=1)
+    return np.concatenate([place, np.stack(carried, 1)], 1), np.concatenate([turn, turn[:, ends]], axis=1), gaps
 
 
 def _contacts(subject: _Subject) -> Bools | None:

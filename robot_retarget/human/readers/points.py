@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
 
-from robot_retarget.base.arrays import Bools, Floats
+from robot_retarget.base.arrays import Bools, Floats, Ints
 from robot_retarget.base.errors import MotionError
 from robot_retarget.human.capture import Capture, Request
 from robot_retarget.human.readers.regressions import SETS, Markers, joint_centres
@@ -46,12 +47,43 @@ def bridged(points: Floats, names: Sequence[str], fps: float, source: str) -> tu
 def _fill(path: Floats, seen: Bools, name: str, fps: float, first: int, source: str) -> None:
     """Bridge the gaps of one point (T, 3) in place."""
     known = np.flatnonzero(seen)
+    _require_short(known, name, fps, first, source)
+    for axis in range(3):
+        path[:, axis] = np.interp(np.arange(len(path)), known, path[known, axis])
+
+
+def _require_short(known: Ints, name: str, fps: float, first: int, source: str) -> None:
+    """Raise MotionError where a point is away for longer than `GAP` between frames in which it is known (N,)."""
     widest = int(np.diff(known).argmax()) if known.size > 1 else 0
     if known.size > 1 and (known[widest + 1] - known[widest] - 1) / fps > GAP:
         gap = f"{first + known[widest] + 1} to {first + known[widest + 1] - 1}"
         raise MotionError(f"{name!r} is lost in frames {gap}, longer than {GAP} s", source)
-    for axis in range(3):
-        path[:, axis] = np.interp(np.arange(len(path)), known, path[known, axis])
+
+
+def bridged_turns(
+    turns: Floats, names: Sequence[str], fps: float, source: str, first: int = 0
+) -> tuple[Floats, tuple[str, ...]]:
+    """Rotations (T, J, 4) w x y z without gaps, which are NaN: turned along the shortest way between, held at the ends.
+
+    Args:
+        first: number of the first frame in the file.
+
+    Raises:
+        MotionError: a rotation is never there, or away for longer than `GAP`; names it and the frames.
+    """
+    seen = np.isfinite(turns).all(axis=2)
+    if seen.all():
+        return turns, ()
+    whole, frames = np.array(turns), np.arange(len(turns))
+    for joint in np.flatnonzero(~seen.all(axis=0)):
+        there = np.flatnonzero(seen[:, joint])
+        if not there.size:
+            raise MotionError(f"{names[joint]!r} has no rotation in any frame", source)
+        _require_short(there, names[joint], fps, first, source)
+        way = Rotation.from_quat(turns[there, joint], scalar_first=True)
+        between = way if there.size == 1 else Slerp(there, way)(np.clip(frames, there[0], there[-1]))
+        whole[:, joint] = between.as_quat(scalar_first=True)
+    return whole, (f"{int((~seen).sum())} rotations that were lost were bridged.",)
 
 
 def of_points(
@@ -96,9 +128,9 @@ class LabelledPoints:
 
 
 def title_of(label: str) -> tuple[str, str]:
-    """`Anna:LKNE` as subject and label in capitals."""
+    """`Anna:LKNE` as subject and label in capitals, without the points of `R.ASIS`."""
     subject, _, bare = label.rpartition(":")
-    return subject.strip(), bare.strip().upper()
+    return subject.strip(), bare.strip().upper().replace(".", "")
 
 
 def numbers(cells: list[str], count: int, path: Path, line: int) -> list[float]:

@@ -6,12 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Bools, Floats, Ints
 from robot_retarget.base.errors import MotionError, known
 from robot_retarget.base.untrusted.arrays import load_arrays, rate_of
+from robot_retarget.base.untrusted.rotations import checked_quaternions, quaternions_of_matrices
 from robot_retarget.human.capture import USUAL_FPS, Capture, FileHeader, Request
+from robot_retarget.human.readers.points import bridged_turns
 from robot_retarget.human.skeleton import Skeleton, backward, sorted_tree
 
 # Sets of joints that arrays come in without naming them.
@@ -130,8 +131,10 @@ JOINT_SETS = (
 )
 
 
-POSITION_KEYS = ("positions", "joints", "posed_joints", "joint_positions", "joints3d", "xyz")
+POSITION_KEYS = ("positions", "joints", "posed_joints", "joint_positions", "joints3d", "xyz", "global_joint_positions")
 ROTATION_KEYS = ("rotations", "global_rot_mats", "global_rotations")
+OMNIRETARGET, OMNIRETARGET_FPS = "global_joint_positions", 30.0
+"""Positions of OmniRetarget's AMASS files, and their rate [1/s]."""
 NAME_KEYS = ("names", "joint_names")
 CONTACT_KEYS = ("foot_contacts", "contacts")
 """(T, 4) of left heel, left toe, right heel, right toe, the order of Kimodo."""
@@ -170,7 +173,11 @@ def captured(arrays: Mapping[str, Any], path: Path, request: Request) -> Capture
         called, notes = joints.names, (f"{count} joints without names: read as {joints.title}.",)
     parents, order = file.tree(called, joints)
     rotations = file.rotations(positions)
-    rate, rate_notes = request.rate(rate_of(file.arrays), joints.fps if joints else USUAL_FPS)
+    usual = OMNIRETARGET_FPS if OMNIRETARGET in arrays else joints.fps if joints else USUAL_FPS
+    rate, rate_notes = request.rate(rate_of(file.arrays), usual)
+    if rotations is not None:
+        rotations, gaps = bridged_turns(rotations, called, rate, str(path))
+        rate_notes = (*rate_notes, *gaps)
     positions, rotations = positions[:, order], None if rotations is None else rotations[:, order]
     skeleton = Skeleton(tuple(called[k] for k in order), parents, first_offsets(parents, positions, rotations))
     contacts = file.contacts(len(positions))
@@ -231,14 +238,9 @@ class _File:
             return None
         if values.shape not in ((*shape, 4), (*shape, 3, 3)):
             raise MotionError(f"rotations must be {(*shape, 4)} or {(*shape, 3, 3)}, got {values.shape}", self.path)
-        try:
-            if values.ndim == 4:
-                turns = Rotation.from_matrix(values.reshape(-1, 3, 3).astype(float))
-            else:
-                turns = Rotation.from_quat(values.reshape(-1, 4).astype(float), scalar_first=True)
-        except ValueError as error:
-            raise MotionError(f"rotations: {error}", self.path) from error
-        return turns.as_quat(scalar_first=True).reshape(*shape, 4)
+        if values.ndim == 4:
+            return quaternions_of_matrices(values, "rotations")
+        return checked_quaternions(values, "rotations", gaps=True)
 
     def contacts(self, frames: int) -> Bools | None:
         """(T, 4) the stored contacts of the feet, or None."""

@@ -13,31 +13,31 @@ import numpy as np
 from robot_retarget.base.arrays import Floats, unit
 
 SETS = (
-    "Plug-in-Gait (LASI, LKNE, …), van Sint Jan's (L_IAS, L_FLE, …), CMU's (LFWT, LKNE, …) or OptiTrack's Baseline "
+    "Plug-in-Gait (LASI, LKNE, …), van Sint Jan's (L_IAS, L_FLE, …), CMU's (LFWT, LKNE, …), OpenSim's (R.ASIS, R.Knee.Lat, …) or OptiTrack's Baseline "
     "(WaistLFront, LKneeOut, …)"
 )
 # What markers are called in these sets, the side's letter in braces.
 LABELS: dict[str, tuple[str, ...]] = {
     "front of the pelvis": ("{}ASI", "{}_IAS", "{}ASIS", "WAIST{}FRONT", "{}FWT"),
-    "back of the pelvis": ("{}PSI", "{}_IPS", "{}PSIS", "WAIST{}BACK", "{}BWT", "SACR"),
-    "outer knee": ("{}KNE", "{}_FLE", "{}KNEEOUT"),
-    "inner knee": ("{}KNM", "{}MKNE", "{}KNEM", "{}_FME", "{}KNEEIN"),
+    "back of the pelvis": ("{}PSI", "{}_IPS", "{}PSIS", "WAIST{}BACK", "{}BWT", "SACR", "VSACRAL"),
+    "outer knee": ("{}KNE", "{}_FLE", "{}KNEEOUT", "{}KNEELAT", "{}LFC"),
+    "inner knee": ("{}KNM", "{}MKNE", "{}KNEM", "{}_FME", "{}KNEEIN", "{}KNEEMED", "{}MFC"),
     "thigh": ("{}THI", "{}THIGH"),
-    "outer ankle": ("{}ANK", "{}_FAL", "{}ANKLEOUT"),
-    "inner ankle": ("{}MED", "{}MANK", "{}ANKM", "{}_TAM", "{}ANKLEIN"),
+    "outer ankle": ("{}ANK", "{}_FAL", "{}ANKLEOUT", "{}ANKLELAT", "{}LMAL"),
+    "inner ankle": ("{}MED", "{}MANK", "{}ANKM", "{}_TAM", "{}ANKLEIN", "{}ANKLEMED", "{}MMAL"),
     "shin": ("{}TIB", "{}SHIN"),
     "toes": ("{}TOE", "{}TOETIP"),
     "first toe": ("{}MT1", "{}_FM1"),
     "fifth toe": ("{}MT5", "{}_FM5"),
-    "acromion": ("{}SHO", "{}_SAJ", "{}ACR", "{}SHOULDERTOP"),
-    "outer elbow": ("{}ELB", "{}_HLE", "{}ELBOWOUT"),
-    "inner elbow": ("{}ELBM", "{}MELB", "{}_HME", "{}ELBOWIN"),
-    "thumb's side of the wrist": ("{}WRA", "{}_RSP", "{}WRISTIN"),
-    "little finger's side of the wrist": ("{}WRB", "{}_UHE", "{}_USP", "{}WRISTOUT"),
-    "front of the head": ("{}FHD", "{}_HDF", "HEADFRONT"),
+    "acromion": ("{}SHO", "{}_SAJ", "{}ACR", "{}SHOULDERTOP", "{}ACROMIUM"),
+    "outer elbow": ("{}ELB", "{}_HLE", "{}ELBOWOUT", "{}LEL", "{}ELBOW"),
+    "inner elbow": ("{}ELBM", "{}MELB", "{}_HME", "{}ELBOWIN", "{}MEL"),
+    "thumb's side of the wrist": ("{}WRA", "{}_RSP", "{}WRISTIN", "{}WRISTLAT", "{}FARADIUS"),
+    "little finger's side of the wrist": ("{}WRB", "{}_UHE", "{}_USP", "{}WRISTOUT", "{}WRISTMED", "{}FAULNA"),
+    "front of the head": ("{}FHD", "{}_HDF", "HEADFRONT", "{}TEMPLE"),
     "back of the head": ("{}BHD", "{}_HDB", "HEADSIDE"),
     "breastbone's top": ("CLAV", "SNJ", "CHEST"),
-    "breastbone's end": ("STRN", "SXS"),
+    "breastbone's end": ("STRN", "SXS", "STERNUM"),
     "neck's lowest vertebra": ("C7", "CV7", "BACKTOP"),
     "back": ("T10", "TV8"),
 }

@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import MotionError
 from robot_retarget.base.untrusted.arrays import load_arrays, rate_of
+from robot_retarget.base.untrusted.rotations import quaternions_of_matrices, quaternions_of_vectors
 from robot_retarget.human.capture import USUAL_FPS, Capture, FileHeader, Request
 from robot_retarget.human.readers.positions import SMPL
 from robot_retarget.human.skeleton import Skeleton, forward
@@ -82,8 +82,6 @@ SOMA = "identity_coeffs"
 """The shape of SOMA's body, whose 77 joints are not those of SMPL."""
 AIST_FPS = 60.0
 """Of the motions of AIST++ [1/s]."""
-MOST_TURNED = 1000.0
-"""Of a vector of rotation; more is another unit or damage [rad]."""
 _PREFIXES = ("", "smpl_params_global/", "smpl_params_global.", "smpl_params_global_")
 
 
@@ -157,25 +155,17 @@ def _quaternions(values: Any, least: int, key: str, path: Path) -> Floats:
         raise MotionError(f"{key}: expected numbers (T, {3 * least}), got {values.dtype} {values.shape}", path)
     if not np.isfinite(values).all():
         raise MotionError(f"{key}: frame {int(np.argwhere(~np.isfinite(values))[0, 0])} is not finite", path)
-    if np.abs(values).max() > MOST_TURNED:
-        raise MotionError(f"{key}: a turn of {np.abs(values).max():.3g} rad, more than {MOST_TURNED:g}", path)
-    matrices = values.ndim >= 3 and values.shape[-2:] == (3, 3) and values.size % (9 * len(values)) == 0
+    square = values.ndim >= 3 and values.shape[-2:] == (3, 3) and values.size % (9 * len(values)) == 0
     flat = values.astype(float).reshape(len(values), -1)
-    size = 9 if matrices and (values.ndim == 4 or least == 1) else 3
+    size = 9 if square and (values.ndim == 4 or least == 1) else 3
     if flat.shape[1] % size or flat.shape[1] < size * least:
         raise MotionError(
             f"{key}: expected {3 * least} numbers a frame or more, a joint three, got {values.shape}", path
         )
     first = flat[:, : size * least].reshape(-1, size)
-    turn = Rotation.from_rotvec(first) if size == 3 else _of_matrices(first, key, path)
-    return turn.as_quat(scalar_first=True).reshape(len(values), least, 4)
-
-
-def _of_matrices(flat: Floats, key: str, path: Path) -> Rotation:
-    try:
-        return Rotation.from_matrix(flat.reshape(-1, 3, 3))
-    except ValueError as error:
-        raise MotionError(f"{key}: {error}", path) from error
+    matrices = first.reshape(-1, 3, 3) if size == 9 else None
+    turns = quaternions_of_vectors(first, key) if matrices is None else quaternions_of_matrices(matrices, key)
+    return turns.reshape(len(values), least, 4)
 
 
 def _place(arrays: Mapping[str, Any], frames: int, path: Path) -> tuple[Floats, tuple[str, ...]]:

@@ -82,7 +82,7 @@ FORMATS = (
     MotionFormat("MediaPipe or FreeMoCap landmarks", (".csv", ".json"), landmarks.matches_format, landmarks.read),
     MotionFormat("Isaac Capture", (".mcap",), headset.matches_format, headset.read),
     MotionFormat("SAM 3D Body", (), tracked_people.is_sam3d, tracked_people.read_sam3d, frozenset({"clip"})),
-    MotionFormat("Motion-X", (), datasets.is_motion_x, datasets.read_motion_x, frozenset({"body_model"})),
+    MotionFormat("Motion-X or PHUMA", (), datasets.is_smplx_rows, datasets.read_smplx_rows, frozenset({"body_model"})),
     MotionFormat("SMPL parameters", (), smpl.matches_format, smpl.read, frozenset({"body_model"})),
     MotionFormat(
         "SMPL parameters in a pickle",

@@ -14,10 +14,10 @@ from scipy.spatial.transform import Rotation, Slerp
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import MotionError
 from robot_retarget.base.untrusted.arrays import load_npz, rate_of
-from robot_retarget.base.untrusted.limits import ZLIB_MAGIC
-from robot_retarget.base.untrusted.pickles import load_pickle
+from robot_retarget.base.untrusted.limits import LIMITS, ZLIB_MAGIC
+from robot_retarget.base.untrusted.pickles import load_pickle, parse_pickle
 from robot_retarget.human.capture import Capture, FileHeader, Request
-from robot_retarget.human.readers import positions
+from robot_retarget.human.readers import datasets, positions
 from robot_retarget.human.readers.points import LabelledPoints, bridged, labelled_capture
 from robot_retarget.human.readers.smpl import SOMA, captured, holds_turns
 
@@ -193,6 +193,10 @@ def _persons(frame: Any) -> list[Any]:
 _PICKLE = b"\x80"
 INTERMIMIC = slice(162, 318)
 """Columns of InterMimic's rows with the positions of 52 joints [m]."""
+PARC = "motion_data"
+"""The pickle within PARC's pickle that holds its motion."""
+OMOMO, OMOMO_WIDTH, OMOMO_PLACES, OMOMO_FPS = ("motion", "trans2joint"), 276, slice(72), 30.0
+"""Keys, width, columns of positions of the 24 joints of SMPL [m], and rate of OMOMO's windows, as hhtools keeps them [1/s]."""
 
 
 def is_pickle(header: FileHeader) -> bool:
@@ -211,6 +215,12 @@ def read_pickle(path: Path, request: Request) -> Capture:
     if isinstance(content, np.ndarray) and content.ndim == 2 and content.shape[1] >= INTERMIMIC.stop:
         joints = content[:, INTERMIMIC].reshape(len(content), -1, 3)
         return replace(positions.captured({"positions": joints}, path, request), up="+z")
+    if isinstance(content, Mapping) and isinstance(content.get(PARC), bytes | bytearray):
+        motion = parse_pickle(bytes(content[PARC]), LIMITS.unpacked(path))
+        return datasets.parc_capture(motion, path, request)
+    if isinstance(content, Mapping) and OMOMO[1] in content and np.shape(content.get(OMOMO[0]))[1:] == (OMOMO_WIDTH,):
+        joints = np.asarray(content[OMOMO[0]])[:, OMOMO_PLACES].reshape(len(content[OMOMO[0]]), -1, 3)
+        return replace(positions.captured({"positions": joints, "fps": OMOMO_FPS}, path, request), up="+z")
     if holds_keypoints(content):
         return keypoint_people(content, path, request)
     if holds_smpl_people(content):

@@ -200,3 +200,32 @@ def test_a_cut_mvnx_is_refused_with_its_line(tmp_path: Path, walk: Motion) -> No
     (tmp_path / "b.mvnx").write_text(whole[: len(whole) // 2])
     with pytest.raises(MotionError, match=r"b.mvnx:\d+: not XML"):
         read_motion(tmp_path / "b.mvnx")
+
+
+OPENSIM = {
+    "R.ASIS": "RASI", "L.ASIS": "LASI", "V.Sacral": "SACR", "R.Knee.Lat": "RKNE", "L.Knee.Lat": "LKNE", "R.Ankle.Lat": "RANK",
+    "L.Ankle.Lat": "LANK", "R.Acromium": "RSHO", "L.Acromium": "LSHO", "R.Elbow": "RELB", "L.Elbow": "LELB",
+    "R.Wrist.Lat": "RWRA", "L.Wrist.Lat": "LWRA", "R.Wrist.Med": "RWRB", "L.Wrist.Med": "LWRB", "R.Toe.Tip": "RTOE",
+    "L.Toe.Tip": "LTOE", "Sternum": "STRN", "R.Temple": "RFHD", "L.Temple": "LFHD",
+}  # fmt: skip
+"""Markers of OpenSim's models (gait2392, Hamner), and those of Plug-in-Gait at the same place."""
+
+
+def test_markers_of_opensim_are_those_of_plug_in_gait_and_doubled_tabs_count_once(
+    tmp_path: Path, places: dict[str, np.ndarray]
+) -> None:
+    at = {
+        **{f"{s}ASI": places[f"{s.lower()}_hip"] + [0, 0.08, 0.06] for s in "LR"},
+        "SACR": places["pelvis"] + [0, 0.08, -0.1],
+        **{f"{s}{m}": places[f"{s.lower()}_{k}"] for s in "LR" for m, k in
+           (("KNE", "knee"), ("ANK", "ankle"), ("SHO", "shoulder"), ("ELB", "elbow"), ("WRA", "hand"), ("TOE", "toe"))},
+        **{f"{s}WRB": places[f"{s.lower()}_hand"] + [0, 0, 0.05] for s in "LR"},
+        "STRN": places["chest"], **{f"{s}FHD": places["head"] for s in "LR"},
+    }  # fmt: skip
+    plain = read_motion(trc(tmp_path / "a.trc", at), repair=False)
+    theirs = trc(tmp_path / "b.trc", {label: at[name] for label, name in OPENSIM.items()})
+    np.testing.assert_allclose(read_motion(theirs, repair=False).positions, plain.positions, atol=1e-6)
+    lines = theirs.read_text().split("\n")
+    doubled = [line.replace("\t", "\t\t") if k in (1, 2) or k > 4 else line for k, line in enumerate(lines)]
+    theirs.write_text("\n".join(doubled))
+    np.testing.assert_allclose(read_motion(theirs, repair=False).positions, plain.positions, atol=1e-6)

@@ -155,6 +155,14 @@ def test_rows_of_motion_x_are_the_parameters_side_by_side(tmp_path, expected):
     assert motion.positions == pytest.approx(expected, abs=1e-6)
 
 
+def test_rows_of_phuma_are_those_of_motion_x_in_another_order(tmp_path):
+    np.save(tmp_path / "a.npy", np.concatenate([PLACE, ROOT, BODY], axis=1))
+    np.save(tmp_path / "b.npy", np.concatenate([ROOT, BODY, np.zeros((T, 243)), PLACE, np.zeros((T, 10))], axis=1))
+    phuma, motion_x = read_motion(tmp_path / "a.npy"), read_motion(tmp_path / "b.npy")
+    assert phuma.fps == 30
+    assert phuma.positions == pytest.approx(motion_x.positions, abs=1e-9)
+
+
 def phalp_frame(t: int, *people: tuple[int, int], lost: int = 0) -> dict:
     """A frame as 4D-Humans dumps it: people by track and by the frame of the clip that they show."""
     turn = lambda vectors: Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().astype("f4")  # noqa: E731
