@@ -28,7 +28,7 @@ LAYERS = {
     "papers": {"human", "graph"},
     "judge": {"scores", "trajectory", "robot", "solver", "actuators", "collision", "scene"},
     "servo": {"actuators", "trajectory", "scene"},
-    "formats": {"actuators", "trajectory", "human", "robot", "scene"},
+    "formats": {"actuators", "trajectory", "human", "robot", "scene", "contact"},
     "edit": {"contact", "trajectory", "robot", "human", "graph", "solver", "formats", "judge", "scene"},
     "live": {"actuators", "human", "robot", "servo", "judge", "scene"},
 }

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from robot_retarget.base.arrays import intervals
 from robot_retarget.base.errors import TrajectoryError
 from robot_retarget.base.untrusted.arrays import save_npz, shaped
 from robot_retarget.formats.bodies import body_names, body_tracks, robot_bodies, site_tracks, velocities
@@ -19,7 +20,7 @@ from robot_retarget.trajectory import Trajectory, load_trajectory
 # Format `core`: CoRe's `core-robot-motion-v1`.
 #
 # `qpos` (T, nq): root x y z, w x y z, then the joints that `joint_names` lists; `timestamps_s` (T,), `fps`; contacts of feet
-# and hands, here marked as not available; sha256 of the model and of the motion. No pickles.
+# and hands, the latter marked as not available; sha256 of the model and of the motion. No pickles.
 
 TITLE = "core-robot-motion-v1"
 LAYOUT = "root_xyz_quat_wxyz_then_model_joint_qpos"
@@ -29,6 +30,9 @@ CONTACTS = ("left_foot", "right_foot", "left_hand", "right_hand")
 
 def write_core(motion: RobotMotion, path: Path) -> None:
     """Write the archive."""
+    feet, found = motion.foot_contacts, motion.contacts
+    labels = np.stack([feet.get(name, np.zeros(len(motion), bool)) for name in CONTACTS], axis=1)
+    segments = {name: np.array(intervals(labels[:, k]), np.int64).reshape(-1, 2) for k, name in enumerate(CONTACTS[:2])}
     frames, model = len(motion), hashlib.sha256(motion.robot.path.read_bytes()).hexdigest()
     save_npz(
         path,
@@ -46,13 +50,13 @@ def write_core(motion: RobotMotion, path: Path) -> None:
         root_qpos_names=np.array(ROOT_NAMES),
         joint_names=np.array(motion.joints),
         contact_label_names=np.array(CONTACTS),
-        contact_labels=np.zeros((frames, 4), bool),
-        contact_confidence=np.zeros((frames, 4)),
-        contact_availability=np.zeros(4, bool),
-        flight_labels=np.zeros(frames, bool),
-        left_contact_segments=np.zeros((0, 2), np.int64),
-        right_contact_segments=np.zeros((0, 2), np.int64),
-        contact_source="unspecified",
+        contact_labels=labels,
+        contact_confidence=np.tile([float(name in feet) for name in CONTACTS], (frames, 1)),
+        contact_availability=np.array([name in feet for name in CONTACTS]),
+        flight_labels=np.zeros(frames, bool) if found is None else found.flying,
+        left_contact_segments=segments["left_foot"],
+        right_contact_segments=segments["right_foot"],
+        contact_source="kinematics" if feet else "unspecified",
         hand_contact_source="unspecified",
     )
 

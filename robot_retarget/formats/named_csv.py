@@ -19,11 +19,13 @@ from robot_retarget.robot.model import FREE, HINGE, Robot
 # Format `csv`: one row a frame, a header that names every column and its unit.
 #
 # `time [s]`, then qpos in the model's order: a free root as `root_x [m]` … `root_qw [-]`, `root_qx [-]` … (quaternion
-# w x y z), sliding joints in metres, hinges in radians.
+# w x y z), sliding joints in metres, hinges in radians; `left_foot_contact [-]`, `right_foot_contact [-]`: 1 where a part of the sole stands.
 
 TIME = "time [s]"
 FREE_COLUMNS = ("x [m]", "y [m]", "z [m]", "qw [-]", "qx [-]", "qy [-]", "qz [-]")
 HINGE_UNIT = " [rad]"
+CONTACT = "_contact [-]"
+"""Ends the name of a column that says whether a foot stands."""
 EVEN = 0.01
 """Times may stray from even ones by this part of a frame: a table is played at one rate."""
 
@@ -31,14 +33,17 @@ EVEN = 0.01
 def write_csv(motion: RobotMotion, path: Path) -> None:
     """Write the table."""
     times = np.arange(len(motion)) / motion.fps
-    header = ",".join(quoted(name) for name in columns(motion.robot))
-    rows = np.column_stack([times, motion.qpos])
+    feet = motion.foot_contacts
+    header = ",".join(quoted(name) for name in (*columns(motion.robot), *(f"{foot}{CONTACT}" for foot in feet)))
+    rows = np.column_stack([times, motion.qpos, *feet.values()])
     np.savetxt(path, rows, fmt=NUMBER, delimiter=",", header=header, comments="", encoding="utf-8")
 
 
 def read_csv(source: TrajectorySource) -> Columns:
     """Read the table; columns may have any order, and coordinates without one keep the standing pose."""
     header, rows = named_table(source)
+    kept = [k for k, name in enumerate(header) if not name.endswith(CONTACT)]
+    header, rows = [header[k] for k in kept], rows[:, kept]
     wanted = columns(source.robot)
     if TIME not in header:
         raise TrajectoryError(f"no column {TIME!r}; {known(header)}")

@@ -15,6 +15,7 @@ from robot_retarget.formats.columns import LAST_FIRST, ArrayKeys, Columns, array
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import TrajectoryFormat, TrajectorySource
 from robot_retarget.robot.kinematics import body_frames
+from robot_retarget.robot.recognise import recognise
 
 # Format `gmr`: the pickled dictionary of GMR, which TWIST and TWIST2 train on.
 #
@@ -106,7 +107,8 @@ MIMICKIT = TrajectoryFormat(
 
 # Format `phc`: the joblib dictionary of PHC for humanoids, which ASAP and PBHC read too.
 #
-# {clip: {`root_trans_offset` (T, 3) [m], `root_rot` (T, 4) **x y z w**, `dof` (T, n) [rad], `pose_aa` (T, 1 + n + 3, 3), `fps`}},
+# {clip: {`root_trans_offset` (T, 3) [m], `root_rot` (T, 4) **x y z w**, `dof` (T, n) [rad], `pose_aa` (T, 1 + n + 3, 3), `fps`,
+# `contact_mask` (T, 2) of left and right foot, which PBHC reads}},
 # all in single precision, as their torch code wants them. `pose_aa` holds rotation vectors: the root's, every joint's angle
 # times its axis, and three rows of zeros for bodies that these projects add to a G1. The 23 joints of their G1 are named by
 # `--joints`.
@@ -123,6 +125,7 @@ def write_phc(motion: RobotMotion, path: Path) -> None:
         "dof": motion.angles.astype(np.float32),
         "root_rot": motion.quaternion[:, LAST_FIRST].astype(np.float32),
         "fps": int(motion.fps) if motion.fps == int(motion.fps) else motion.fps,
+        "contact_mask": np.array(list(motion.foot_contacts.values()), dtype=np.float32).reshape(-1, len(motion)).T,
     }
     path.write_bytes(dump_pickle({Path(motion.trajectory.source).stem or "motion": clip}))
 
@@ -172,7 +175,7 @@ PHC = TrajectoryFormat(
 # Format `protomotions`: a `.motion` of ProtoMotions 3, a dict of tensors that `torch.load` reads.
 #
 # `fps`; `dof_pos`, `dof_vel` (T, n) [rad, rad/s]; `rigid_body_pos`, `rigid_body_vel`, `rigid_body_ang_vel` (T, B, 3) and
-# `rigid_body_rot` (T, B, 4) x y z w of all bodies' frames in the world, the root first; `rigid_body_contacts` (T, B), all false.
+# `rigid_body_rot` (T, B, 4) x y z w of all bodies' frames in the world, the root first; `rigid_body_contacts` (T, B), of the bodies of the soles.
 # Joints and bodies in the order of the MJCF. Single precision.
 
 
@@ -189,6 +192,8 @@ def write_protomotions(motion: RobotMotion, path: Path) -> None:
         "rigid_body_ang_vel": tracks.angular[:, bodies],
     }
     contacts = np.zeros((len(motion), len(bodies)), dtype=bool)
+    for foot, stands in motion.foot_contacts.items():
+        contacts[:, np.isin(bodies, recognise(motion.robot).treads[foot[0]].bodies)] |= stands[:, None]
     singles = {name: values.astype("f4") for name, values in tensors.items()}
     dump_torch(path, {"fps": motion.fps, **singles, "rigid_body_contacts": contacts})
 

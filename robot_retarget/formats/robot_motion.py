@@ -6,12 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_retarget.base.arrays import Floats
-from robot_retarget.base.errors import UsageError, known
+from robot_retarget.base.arrays import Bools, Floats
+from robot_retarget.base.errors import MatchError, UsageError, known
+from robot_retarget.contact.soles import SoleContacts, sole_contacts
 from robot_retarget.robot.model import Robot
+from robot_retarget.robot.recognise import recognise
 from robot_retarget.robot.timing import resample
 from robot_retarget.trajectory import Trajectory
 
+FEET = {"l": "left_foot", "r": "right_foot"}
+"""Names of feet in files, by the side."""
 SKIPPED = "_"
 """Stands in a list of joints for a column that no joint of the robot takes."""
 
@@ -74,6 +78,25 @@ class RobotMotion:
         """(T, n) of the joints in the order of the file [rad]."""
         place = {name: index for name, index in zip(self.robot.joint_names, self.robot.qpos_index, strict=True)}
         return self.qpos[:, [place[joint] for joint in self.joints]]
+
+    @cached_property
+    def contacts(self) -> SoleContacts | None:
+        """The contacts of the soles among the bodies around; None for a robot without feet that are recognised."""
+        try:
+            anatomy = recognise(self.robot)
+        except MatchError:
+            return None
+        found = sole_contacts(self.robot, anatomy, self.qpos, self.fps, self.trajectory.scene)
+        return found if found.feet else None
+
+    @property
+    def foot_contacts(self) -> dict[str, Bools]:
+        """(T,) by `left_foot` and `right_foot` whether a part of the sole stands: on the ground and slow; empty without feet."""
+        found = self.contacts
+        if found is None:
+            return {}
+        stands = found.stands.any(axis=2)
+        return {FEET[foot]: stands[:, k] for k, foot in enumerate(found.feet)}
 
     def require_plain(self, format: str) -> None:
         """Raise UsageError unless the robot has a free root and hinges only."""

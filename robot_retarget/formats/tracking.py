@@ -1,7 +1,8 @@
 """The archive that motion trackers read: joints with velocities, and the pose and velocity of every body.
 
 `fps` (1,); `joint_pos`, `joint_vel` (T, n) [rad, rad/s]; `body_pos_w` (T, B, 3) [m], `body_quat_w` (T, B, 4) w x y z,
-`body_lin_vel_w` (T, B, 3) [m/s], `body_ang_vel_w` (T, B, 3) [rad/s] of the robot's bodies without the world. Two
+`body_lin_vel_w` (T, B, 3) [m/s], `body_ang_vel_w` (T, B, 3) [rad/s] of the robot's bodies without the world;
+`foot_names` (F,) and `foot_contacts` (T, F), which loaders pass over. Two
 programs read these keys and differ in the order of joints and bodies, which the keys do not state: the positions of the bodies decide.
 """
 
@@ -74,7 +75,7 @@ def tracking_format(name: str, description: str, readers: str, order: Order, mas
 def _write(motion: RobotMotion, path: Path, hinges: Ints, bodies: Ints, mass: bool) -> None:
     """Write the archive, joints and bodies in the given orders; linear velocities of origins or of mass centres."""
     robot, qvel = motion.robot, velocities(motion)
-    tracks = body_tracks(motion, qvel)
+    tracks, feet = body_tracks(motion, qvel), motion.foot_contacts
     save_npz(
         path,
         fps=np.array([motion.fps]),
@@ -86,6 +87,8 @@ def _write(motion: RobotMotion, path: Path, hinges: Ints, bodies: Ints, mass: bo
         body_ang_vel_w=tracks.angular[:, bodies],
         joint_names=np.array([robot.joint_names[k] for k in hinges]),
         body_names=np.array(body_names(robot, bodies)),
+        foot_names=np.array(list(feet), dtype=np.str_),
+        foot_contacts=np.array(list(feet.values()), dtype=bool).reshape(len(feet), len(motion)).T,
     )
 
 

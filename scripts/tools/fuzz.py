@@ -160,7 +160,23 @@ def motion_target(folder: Path, more: list[Path]) -> Target:
     (folder / "deepmimic.txt").write_text(json.dumps({"Loop": "none", "Frames": frames}))
     with zipfile.ZipFile(folder / "a.zip", "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("a.bvh", bvh)
-    return Target(read_motion, (*sorted(folder.iterdir()), *more))
+    matrices = np.tile(np.eye(3), (9, 22, 1, 1))
+    np.savez(folder / "turned.npz", positions=rng.normal(0, 1, (9, 22, 3)), rotations=matrices, fps=30)
+    body = {"root_pos": np.zeros((9, 3), "f4"), "root_rot": np.tile([0, 0, 0, 1.0], (9, 1)), "fps": 30}
+    body["joint_rot"] = np.tile([0, 0, 0, 1.0], (9, 14, 1))
+    (folder / "parc.pkl").write_bytes(pickle.dumps({"motion_data": pickle.dumps(body)}))
+
+    def sound(path: Path) -> object:
+        """Read a motion; what is read is a body."""
+        motion = read_motion(path)
+        turns = motion.rotations if motion.rotations is not None else np.array([[1.0, 0, 0, 0]])
+        if not (np.isfinite(motion.skeleton.offsets).all() and np.abs(motion.positions).max() < 1e4):
+            raise AssertionError("offsets or places of no body")
+        if np.abs(np.linalg.norm(turns, axis=-1) - 1).max() > 1e-3:
+            raise AssertionError("rotations that are not unit")
+        return motion
+
+    return Target(sound, (*sorted(folder.iterdir()), *more))
 
 
 def format_target(folder: Path, more: list[Path]) -> Target:
