@@ -128,15 +128,22 @@ def _sunk(body: RigidBody, poses: Floats) -> str:
     )
 
 
+SCAN = (
+    "a mesh acts as its convex hull, and the scan of a room is not convex: give walls, steps and furniture as bodies of their own, "
+    "or the ground as a height field. Else "
+)
+
+
 def _inside(scene: Scene, poses: Floats, clip: Motion) -> str:
     """Return a note about a body that holds a joint of the human at the first frame; refuse one that holds it deep."""
     distance, _ = SceneModel(scene).nearest(clip.positions[:1], poses[:1], reach=1.0)
     if not distance.size or distance.min() > -FLESH:
         return ""
     _, joint, body = np.unravel_index(int(distance.argmin()), distance.shape)
+    mesh = scene.bodies[body].shape.kind is ShapeKind.MESH
     what = (
         f"holds the human's joint {clip.skeleton.names[joint]!r} {-distance.min():.2f} m deep at the first frame: "
-        "check its position, its unit and the order of its quaternions"
+        f"{SCAN if mesh else ''}check its position, its unit and the order of its quaternions"
     )
     if distance.min() < -INSIDE:
         raise SceneError(f"{scene.bodies[body].title} {what}")

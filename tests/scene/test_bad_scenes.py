@@ -206,3 +206,16 @@ def test_a_model_with_a_shape_that_scenes_lack_is_refused(tmp_path: Path) -> Non
     )
     with pytest.raises(SceneError, match=r"scene\.xml: body 'roll'.*CAPSULE"):
         rr.read_scene(file)
+
+
+def test_the_scan_of_a_room_is_said_to_act_as_its_hull(tmp_path: Path) -> None:
+    """Four walls around the human: nothing is near it, but their hull holds it."""
+    walls, faces = [], []
+    for x, y, wide, deep in ((2, 0, 0.1, 4), (-2, 0, 0.1, 4), (0, 2, 4, 0.1), (0, -2, 4, 0.1)):
+        box = [[x + a * wide / 2, y + b * deep / 2, c] for a in (-1, 1) for b in (-1, 1) for c in (0, 2.5)]
+        faces += [[len(walls) + k for k in tri] for tri in ((0, 2, 1), (1, 2, 3), (4, 5, 6), (5, 7, 6))]
+        walls += box
+    middle = CLIP.positions[0].mean(axis=0) * [1, 1, 0]
+    room = RigidBody("room", mesh(np.array(walls), np.array(faces)), np.array([*middle, 1, 0, 0, 0]))
+    with pytest.raises(SceneError, match="a mesh acts as its convex hull, and the scan of a room is not convex"):
+        with_scene(CLIP, Scene((room,)))
