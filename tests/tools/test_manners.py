@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ from typer.testing import CliRunner
 
 import robot_retarget as rr
 from robot_retarget.actuators.map import load_map, with_zeros
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.robot import load_robot
 from robot_retarget.servo.outcome import PlaybackOptions
 from robot_retarget.servo.plan import plain_plan
@@ -135,3 +137,10 @@ def test_names_from_files_cannot_control_the_terminal(capsys: pytest.CaptureFixt
     printed = "".join(capsys.readouterr())
     assert printed.count("joint") == 5 and "[red]" in printed
     assert all(c.isprintable() or c == "\n" for c in printed)
+
+
+def test_a_full_device_behind_standard_output_is_a_sentence_and_exit_2() -> None:
+    command = [sys.executable, "-m", "robot_retarget", "info", str(SAMPLES / "wave.bvh")]
+    with Path("/dev/full").open("w") as full:
+        ended = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert ended.returncode == 2 and "cannot write" in ended.stderr and "No space left" in ended.stderr

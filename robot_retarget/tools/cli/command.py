@@ -1,5 +1,6 @@
 """The program: commands whose options are the fields of dataclasses, and the ends other than success: a user's mistake, Ctrl-C, a defect."""
 
+import errno
 import os
 import re
 import signal
@@ -183,6 +184,10 @@ def ending(program: Callable[[], None]) -> None:
         except BrokenPipeError:
             _discard_output()
             sys.exit(NOBODY_READS)
+        except OSError as error:  # a full device
+            _discard_output()
+            _say(f"cannot write standard output: {error.strerror}")
+            sys.exit(MISTAKE)
 
 
 def _ended(program: Callable[[], None]) -> None:
@@ -192,6 +197,10 @@ def _ended(program: Callable[[], None]) -> None:
         _say(str(error))
         sys.exit(MISTAKE)
     except Exception as error:
+        if isinstance(error, OSError) and error.errno == errno.ENOSPC:
+            _discard_output()
+            _say(f"cannot write: {error.strerror}")
+            sys.exit(MISTAKE)
         if isinstance(error, ModuleNotFoundError) and error.name in POSIX:
             _say(f"this command needs Linux: Python has no module {error.name!r} on this system")
             sys.exit(MISTAKE)
