@@ -215,3 +215,13 @@ def test_who_shows_no_human_is_watched_anew(robot: Robot, wave: Motion) -> None:
             stream.push(heap, None, time=t / 30)
     poses = [stream.push(*frame(wave, t), time=2 + t / 30) for t in range(60)]
     assert poses[-1].status is not Status.CALIBRATING
+
+
+@pytest.mark.parametrize(("factor", "warned"), [(1.0, False), (2.0, True), (0.5, True)])
+def test_a_lagging_stream_that_is_fed_at_another_rate_than_calibrated_says_so(
+    robot: Robot, wave: Motion, factor: float, warned: bool, recwarn: pytest.WarningsRecorder
+) -> None:
+    stream = known(robot, wave, lag=3)
+    for t in range(20):
+        stream.push(*frame(wave, t), time=t / (factor * wave.fps))
+    assert sum("frames come at" in str(each.message) for each in recwarn) == warned
