@@ -236,5 +236,5 @@ def _floating(x: Floats, leg: float, rule: FootingRule) -> tuple[str, ...]:
         return ()
     return (
         f"The body floats in {high.mean():.0%} of the time, up to {leg * np.ptp(lowest):.2f} m over its lowest point: "
-        "the floor follows its lowest points over time.",
+        "the floor follows its lowest points over time (where it goes down steps, --terrain auto builds them).",
     )
