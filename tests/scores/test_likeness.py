@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 from shared_files import ROOT, SHARED, needs_shared
 
 import robot_retarget as rr
-from robot_retarget.contact.touch import lasting
 from robot_retarget.graph.placed_scene import pelvis_path
 from robot_retarget.judge.verdict import Thresholds
-from robot_retarget.scores.likeness import human_travel, likeness_of, not_standing, unlikeness
+from robot_retarget.scores.likeness import human_travel, lasting, likeness_of, not_standing, unlikeness
+from robot_retarget.scores.pair import best_bone_angles
 
 
 @pytest.fixture(scope="module")
@@ -172,3 +172,17 @@ def test_speed_is_the_length_of_steps_over_slowdown(walk: rr.RobotGraph) -> None
     found = likeness_of(walk, placed(walk, 1.0), slowdown=2.0, stride=0.8)
     assert replace(found, robot=replace(found.robot, steps=8)).pace == pytest.approx(0.4)
     assert replace(found, robot=replace(found.robot, steps=0)).pace is None
+
+
+def test_the_bound_keeps_hinges_within_the_ranges() -> None:
+    """A robot whose hinges are frozen in the standing pose can turn its root alone: its bound is far above that of the free one."""
+    graph = rr.describe(rr.read_motion(ROOT / "samples/walk.bvh"), rr.load_robot("op3")).at(slice(60, 61))
+    robot, stand = graph.robot, graph.robot.standing()
+    rigid = replace(robot, lower=stand[robot.qpos_index], upper=stand[robot.qpos_index])
+    free, frozen = (
+        sum(a[0] for a in best_bone_angles(body, graph.match, graph.human.positions, stand[None], 30.0).values())
+        for body in (robot, rigid)
+    )
+    assert frozen > free + 0.3
+    turned = likeness_of(graph, stand[None])
+    assert frozen <= sum(a[0] for a in turned.angles.values()) + 1e-6

@@ -18,7 +18,7 @@ from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.check import require_fit
 from robot_retarget.servo.cycle import Cycle, Judge, Step
-from robot_retarget.servo.link import Link
+from robot_retarget.servo.link import Gate, JointScale, Link
 from robot_retarget.servo.outcome import FaultError, Record
 from robot_retarget.servo.performance import leave_holding, take_hold
 
@@ -101,3 +101,11 @@ def test_goals_leave_through_the_link_and_its_gate_alone() -> None:
         if '"goal_position"' in path.read_text(encoding="utf-8")
     }
     assert senders == {"link.py"}
+
+
+@pytest.mark.parametrize("end", ["low", "high"])
+def test_goals_at_both_ends_of_a_range_pass_and_a_tick_beyond_does_not(end: str) -> None:
+    scale = JointScale(ARM)
+    gate, edge = Gate(ARM, scale), getattr(scale, end)
+    beyond = edge + (1 if end == "high" else -1)
+    assert gate.allowed(edge, edge).all() and not gate.allowed(beyond, edge).any()

@@ -1,0 +1,31 @@
+"""The rule of contact on both sides of each of its thresholds."""
+
+import numpy as np
+import pytest
+
+from robot_retarget.contact.rule import JOINTS, SOLES, ContactRule, entered_runs
+
+
+@pytest.mark.parametrize(
+    ("rule", "enter", "leave", "low", "high"), [(JOINTS, 0.3, 0.4, 0.08, 0.10), (SOLES, 0.1, 0.2, 0.015, 0.025)]
+)
+def test_a_point_enters_below_one_threshold_and_leaves_above_another(
+    rule: ContactRule, enter: float, leave: float, low: float, high: float
+) -> None:
+    """Between the two it stands only next to frames in which it entered: without hysteresis a foot that creeps flickers."""
+    stands = [False, False, False, True, True, True, False]
+
+    def ups_and_downs(inside: float, between: float, outside: float) -> np.ndarray:
+        return np.array([outside, between, outside, between, inside, between, outside])
+
+    speed = ups_and_downs(enter - 0.001, (enter + leave) / 2, leave + 0.001)
+    height = ups_and_downs(low - 0.001, (low + high) / 2, high + 0.001)
+    assert entered_runs(*rule.triggers(speed, np.zeros(7))).tolist() == stands
+    assert entered_runs(*rule.triggers(np.zeros(7), height)).tolist() == stands
+
+
+def test_the_floor_lies_under_all_but_two_in_a_hundred_heights() -> None:
+    """A body that crouches for a twentieth of the time stands on the floor of the crouch, and one outlier is none."""
+    crouch = np.r_[np.zeros(5), np.ones(95)]
+    assert JOINTS.floor_height(crouch) == pytest.approx(0.0)
+    assert JOINTS.floor_height(np.r_[[-1.0], np.ones(99)]) == pytest.approx(1.0)
