@@ -160,7 +160,7 @@ def _require_alike(graph: RobotGraph, qpos: Floats, frames: np.ndarray, most: Ac
     likeness = likeness_of(graph, qpos, frames)
     for part, bound in (("legs", most.legs), ("trunk", most.trunk)):
         off = likeness.part(part) or 0.0
-        if off > bound:
+        if off > bound and likeness.beyond(part) > bound:
             raise BalanceError(f"stepping would turn the {part} {np.degrees(off):.0f}° from the human's")
 
 
