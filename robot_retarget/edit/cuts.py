@@ -21,8 +21,8 @@ from robot_retarget.judge.compensate import compensated
 from robot_retarget.judge.report import Report
 from robot_retarget.judge.rollout import plant_of, simulate
 from robot_retarget.robot import Robot, recognise, world_points
+from robot_retarget.robot.anatomy import mirror_of
 from robot_retarget.robot.kinematics import difference, integrate
-from robot_retarget.robot.symmetry import mirror_of
 from robot_retarget.robot.timing import require_same_robot, sample
 from robot_retarget.scene.scene import reflected
 from robot_retarget.solver.pipeline import carried

@@ -12,7 +12,16 @@ import numpy as np
 from robot_retarget.base.arrays import Floats, frozen
 from robot_retarget.base.errors import MatchError
 from robot_retarget.base.keypoints import ARM
-from robot_retarget.robot.anatomy import GUESSED, LIKELY, SURE, UNSURE, Anatomy, KeypointSite
+from robot_retarget.robot.anatomy import (
+    GUESSED,
+    LIKELY,
+    SURE,
+    UNSURE,
+    Anatomy,
+    KeypointSite,
+    symmetric_places,
+    symmetric_soles,
+)
 from robot_retarget.robot.facing import Facing, facing, hand_axes
 from robot_retarget.robot.limbs import (
     ARM_WORDS,
@@ -30,7 +39,6 @@ from robot_retarget.robot.limbs import (
 from robot_retarget.robot.links import Links
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.soles import flat_footed, sole, tread
-from robot_retarget.robot.symmetry import symmetric_places, symmetric_soles
 
 HEAD_WORDS = {"head", "skull", "face"}
 TRUNK_WORDS = {"torso", "chest", "trunk", "thorax"}

@@ -10,10 +10,9 @@ from robot_retarget.base.arrays import Floats
 from robot_retarget.base.progress import Count
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.robot import Anatomy, Robot
-from robot_retarget.robot.anatomy import limb_hinges
+from robot_retarget.robot.anatomy import limb_hinges, mirror_of
 from robot_retarget.robot.dynamics import Placer, body_placer
 from robot_retarget.robot.kinematics import difference, integrate
-from robot_retarget.robot.symmetry import mirror_of
 from robot_retarget.solver.descent import Box, FrameSolution
 from robot_retarget.solver.options import Search
 from robot_retarget.solver.problem import ClipTargets, EdgeTargets, targets_of

@@ -30,8 +30,8 @@ from robot_retarget.judge.playback import Playback, roll_out
 from robot_retarget.judge.rollout import plant_of
 from robot_retarget.judge.worlds import Draw, Spread, draws
 from robot_retarget.robot import Robot
+from robot_retarget.robot.anatomy import mirror_of
 from robot_retarget.robot.support import feet_of
-from robot_retarget.robot.symmetry import mirror_of
 from robot_retarget.trajectory import Trajectory, load_trajectory
 
 AIM = 1.5

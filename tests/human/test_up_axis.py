@@ -1,6 +1,7 @@
 """The up axis is inferred from all evidence, and an ambiguous one is reported."""
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import pytest
@@ -22,14 +23,20 @@ AIRBORNE = 0.1
 """Above the floor of the whole clip [m]."""
 
 
+@lru_cache(maxsize=1)
+def whole_clip(clip: str) -> tuple[Capture, np.ndarray]:
+    """A clip, and the heights of its joints (T, J) [m]."""
+    capture = read_bvh(SHARED / "motions" / "bvh" / f"{clip}.bvh")
+    return capture, upright(capture).positions[..., 2]
+
+
 @needs_shared
 @pytest.mark.parametrize("clip", CLIPS)
 @settings(max_examples=5, deadline=None)
 @given(share=st.floats(0, 1), seconds=st.floats(0.1, 2))
 def test_a_window_on_the_floor_has_the_up_axis_of_the_whole_or_says_its_doubt(clip, share, seconds):
     """A body that tumbles in the air through the whole window shows neither a floor nor a posture: it may be taken wrong."""
-    capture = read_bvh(SHARED / "motions" / "bvh" / f"{clip}.bvh")
-    whole = upright(capture).positions[..., 2]
+    capture, whole = whole_clip(clip)
     first = len(capture.positions) - len(whole)
     count = min(max(1, round(seconds * capture.fps)), len(capture.positions) - first)
     start = first + round(share * (len(capture.positions) - first - count))

@@ -138,7 +138,7 @@ def test_papers_solution_of_the_raised_hands_changes_early_frames_too() -> None:
 
 
 def test_meeting_can_be_solved_by_a_rigid_shift_without_stress() -> None:
-    scene = meeting()
+    scene = meeting(20)
     base, candidates = scene.traces(False), scene.thresholds(0.1)
     start = solve_with_thresholds(base, candidates, scene.animation, papers).positions
     exact = solve(base.joined(candidates), start, Newton(gradient_tolerance=1e-10), Objective.HALF_SQUARED)

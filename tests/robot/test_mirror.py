@@ -8,7 +8,7 @@ from made_trajectories import robot_of
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.robot import load_robot, recognise, world_points
-from robot_retarget.robot.symmetry import mirror_of
+from robot_retarget.robot.anatomy import mirror_of
 
 LEFT = np.array([0.0, 1.0, 0.0])
 

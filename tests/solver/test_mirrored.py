@@ -14,7 +14,7 @@ from robot_retarget.graph.describe import describe
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import Robot, load_robot
-from robot_retarget.robot.symmetry import mirror_of
+from robot_retarget.robot.anatomy import mirror_of
 from robot_retarget.solver.options import Smoothing
 from robot_retarget.solver.pipeline import retarget, solve
 from robot_retarget.solver.sqp import FrameSolver
