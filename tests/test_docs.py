@@ -18,6 +18,7 @@ import typer.main
 from shared_files import ROOT
 
 import robot_retarget
+from robot_retarget.formats import FORMATS
 from robot_retarget.tools.cli import app
 
 DOCS = ROOT / "docs"
@@ -118,6 +119,16 @@ def test_the_table_of_tested_robots_is_the_recorded_one() -> None:
     script = [sys.executable, str(ROOT / "scripts" / "tools" / "readme_table.py"), "--check"]
     checked = subprocess.run(script, capture_output=True, text=True)
     assert checked.returncode == 0, checked.stdout
+
+
+def test_counts_of_the_readmes_are_those_of_the_lists() -> None:
+    robots = len((ROOT / "scripts/figures/robots.csv").read_text("utf-8").splitlines()) - 1
+    for page, humanoids, formats in (
+        ("README.md", "[{} humanoids", "{} [formats]"),
+        ("README.zh.md", "[已试过 {} 个", "{} 种[格式]"),
+    ):
+        text = (ROOT / page).read_text("utf-8")
+        assert humanoids.format(robots) in text and formats.format(len(FORMATS)) in text, page
 
 
 def test_both_readmes_have_the_same_sections_commands_and_figures() -> None:
