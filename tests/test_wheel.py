@@ -27,7 +27,11 @@ def test_models_and_samples_are_inside(wheel: Path) -> None:
         *inside
     }
     tables = {"robot_retarget/models/op3/servos.toml", "robot_retarget/actuators/xm430_w350.csv"}
-    assert tables | {"robot_retarget/card.html", "robot_retarget/tools/view/page.html"} <= {*inside}
+    assert tables | {
+        "robot_retarget/base/card.html",
+        "robot_retarget/tools/view/page.html",
+        "robot_retarget/tools/view/pages.css",
+    } <= {*inside}
     shipped = {f"robot_retarget/samples/{path.name}" for path in (ROOT / "samples").glob("*.bvh")}
     assert len(shipped) >= 4 and shipped <= {*inside}
 
