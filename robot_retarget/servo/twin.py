@@ -87,7 +87,7 @@ class Twin:
     """A body of hinges moved by torques; free to fall once its servos hold it.
 
     Args:
-        source: MJCF of the robot, or its specification (`Robot.spec`); a floor is added where it has none, as in `simulate`.
+        source: MJCF of the robot, or its specification (`Robot.spec`); a robot with a free root gets a floor where there is none, as in `simulate`.
         servo_map: names the hinge of every servo and its direction, zero and gear.
         support: how long the trunk stays held after torque is on everywhere and the joints are still [s].
 
@@ -209,7 +209,9 @@ def _compiled(source: str | Path | mujoco.MjSpec) -> mujoco.MjModel:
     """The model on a floor, without its own actuators: the emulated servos take their place, damping and armature stay."""
     try:
         spec = source if isinstance(source, mujoco.MjSpec) else mujoco.MjSpec.from_file(str(source))
-        add_floor(spec, spec.compile())
+        model = spec.compile()
+        if (model.jnt_type == mujoco.mjtJoint.mjJNT_FREE).any():
+            add_floor(spec, model)
         for element in [*spec.actuators, *spec.sensors, *spec.keys]:
             spec.delete(element)
         return spec.compile()

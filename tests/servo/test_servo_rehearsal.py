@@ -16,13 +16,14 @@ from robot_retarget.servo.twin import Twin
 
 BARE = ROOT / "models" / "op3" / "op3.xml"
 OP3 = load_map("op3")
+STEPS = ("--lockstep", "100")
 
 
 def test_a_model_without_a_floor_is_set_down_on_the_floor_of_its_simulation(tmp_path: Path) -> None:
     assert not (load_robot(str(BARE)).model.geom_type == 0).any()
     with (
         emulated(tmp_path, "op3", "--physics", "--model", str(BARE), "--lockstep", "125") as twin,
-        Bus(twin.port, OP3.baud) as bus,
+        Bus(twin.port, OP3.baud, lockstep=True) as bus,
     ):
         bus.sync_write(64, 1, b"".join(bytes((i, 1)) for i in OP3.ids))
         goals = b"".join(bytes((s.id,)) + s.zero.to_bytes(4, "little") for s in OP3.servos)
@@ -50,21 +51,21 @@ def test_a_falling_robot_is_named_as_a_cause_of_a_small_weight() -> None:
 
 
 def test_the_link_of_a_living_emulator_is_not_taken_over(tmp_path: Path) -> None:
-    with emulated(tmp_path) as first:
+    with emulated(tmp_path, ARM, *STEPS) as first:
         second = call("servos", "emulate", "--map", "op3", "--link", first.port)
         assert second.returncode == 2
         assert f"{first.port} is the port of another emulator" in second.stderr
-        with Bus(first.port, ARM.baud) as bus:
+        with Bus(first.port, ARM.baud, lockstep=True) as bus:
             assert bus.ping(1) is not None
             assert call("servos", "emulate", "--map", "op3", "--link", first.port).returncode == 2
     assert not Path(first.port).is_symlink()
-    with emulated(tmp_path) as again, Bus(again.port, ARM.baud) as bus:
+    with emulated(tmp_path, ARM, *STEPS) as again, Bus(again.port, ARM.baud, lockstep=True) as bus:
         assert bus.ping(1) is not None
 
 
 def test_the_link_of_a_killed_emulator_is_taken_over(tmp_path: Path) -> None:
-    with emulated(tmp_path) as first:
+    with emulated(tmp_path, ARM, *STEPS) as first:
         first.process.kill()
         first.process.wait()
-        with emulated(tmp_path) as second, Bus(second.port, ARM.baud) as bus:
+        with emulated(tmp_path, ARM, *STEPS) as second, Bus(second.port, ARM.baud, lockstep=True) as bus:
             assert bus.ping(1) is not None
