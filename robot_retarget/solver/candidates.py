@@ -104,7 +104,7 @@ class Candidates:
     def search(self) -> None:
         """Find poses at moments and at the ends; follow each to both sides.
 
-        The reference pose reaches one at each moment. Where these are dearest, poses with drawn limbs start too.
+        The reference pose reaches one at each moment. Where these are dearest and at both ends, poses with drawn limbs start too.
         """
         last, search = len(self.frames) - 1, self.search_options
         stride = max(1, round(search.every / np.diff(self.times).max(initial=1 / search.rate)))
@@ -112,7 +112,8 @@ class Candidates:
         if not moments:
             return
         found = self._reached(moments)
-        dear = [moments[k] for k in dearest([pose.cost for pose in found], round(search.dear * len(found)))]
+        costly = dearest([pose.cost for pose in found], round(search.dear * len(found)))
+        dear = [moments[k] for k in sorted({*costly, 0, len(found) - 1})]
         drawn = multistart(self.solver, self.graph, self.all_targets, self.frames[dear].tolist(), search)
         every = [*zip((poses[0] for poses in drawn), dear, strict=True), *zip(found, moments, strict=True)]
         starts = [(pose, k) for pose, k in every if self._add(k, pose)]

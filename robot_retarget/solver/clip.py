@@ -1,4 +1,4 @@
-"""The whole clip at once: a coarse path through the candidates, then passes over windows with targets that depend on it."""
+"""The whole clip at once: a coarse path through the candidates, then rounds of passes over windows; targets follow the path."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -9,7 +9,9 @@ from robot_retarget.base.arrays import Bools, Floats
 from robot_retarget.base.progress import Count
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.kind import CoarsePhase, Phase, SolvedPhase
-from robot_retarget.graph.track import Status, Track, concatenated
+from robot_retarget.graph.rows import Past
+from robot_retarget.graph.track import SECOND_DIFFERENCE, Form, Role, Status, Track, concatenated
+from robot_retarget.robot.kinematics import difference, tangent_names
 from robot_retarget.solver.candidates import coarse_path
 from robot_retarget.solver.descent import FrameSolution
 from robot_retarget.solver.options import ClipPiece, Search, Smoothing
@@ -23,6 +25,9 @@ COARSE = 4
 UNREACHED = 0.01
 """A hard edge that the solved clip misses by more is out of reach [m]."""
 
+ENOUGH = 0.005
+"""A window is not solved again after a gain of a smaller share of its cost [-]."""
+
 
 def clip_poses(
     solver: FrameSolver,
@@ -31,18 +36,24 @@ def clip_poses(
     smoothing: Smoothing,
     count: Count,
     part: ClipPiece | None = None,
+    start: Floats | None = None,
 ) -> tuple[list[FrameSolution], RobotGraph]:
     """Solve the windows in order. Returns poses and the graph with renewed tracks (`Kind.renewed`).
 
     Args:
         part: which windows, after which known frames; by default all windows of the graph.
+        start: (T, nq) a path in place of the coarse one.
     """
     known = part.known if part else ()
     poses = [FrameSolution(q, Status.CONVERGED, 0.0, 0) for q in known]
     asked: list[list[Track]] = []
     windows = part.windows if part else tuple(smoothing.windows.cut(len(graph), graph.fps))
-    count.expect(COARSE * len(graph) + smoothing.passes * sum(w.last - w.first - w.fixed for w in windows))
-    path = coarse_path(solver, graph, targets_of(coarse_tracks(graph)), search, list(known))
+    moving = sum(window.last - window.first - window.fixed for window in windows)
+    count.expect(COARSE * len(graph) + smoothing.rounds * smoothing.passes * moving)
+    if start is None:
+        path = coarse_path(solver, graph, targets_of(coarse_tracks(graph)), search, list(known))
+    else:
+        path = list(start)
     count.advance(COARSE * len(graph))
     for window in windows:
         own = graph.frames(window.first, window.last)
@@ -59,7 +70,32 @@ def clip_poses(
 def _window_poses(
     solver: FrameSolver, graph: RobotGraph, coarse: Floats, smoothing: Smoothing, fixed: int, count: Count
 ) -> tuple[list[Track], list[FrameSolution]]:
-    """Return the tracks and the poses of a window; hard edges that all passes but one miss are left out."""
+    """Return the tracks and the poses of a window: the cheapest of some rounds.
+
+    The targets of a round, such as footholds, depend on the poses of the round before. Rounds end when one gains less than
+    `ENOUGH`; a round that costs more than the one before is not taken.
+    """
+    best = found = _round(solver, graph, coarse, smoothing, fixed, count)
+    least = np.inf
+    for left in range(smoothing.rounds - 1, -1, -1):
+        qpos = np.array([pose.qpos for pose in found[1]])
+        cost = float(
+            sum(each.sum() for each in stresses(solver, replace(graph, tracks=tuple(found[0])), qpos).values())
+        )
+        settled = cost > (1 - ENOUGH) * least
+        if cost < least:
+            best, least = found, cost
+        if not left or settled:
+            count.advance(left * smoothing.passes * (len(graph) - fixed))
+            break
+        found = _round(solver, graph, qpos, smoothing, fixed, count)
+    return best
+
+
+def _round(
+    solver: FrameSolver, graph: RobotGraph, coarse: Floats, smoothing: Smoothing, fixed: int, count: Count
+) -> tuple[list[Track], list[FrameSolution]]:
+    """Return the tracks and the poses that passes from a path reach; hard edges that all passes but one miss are left out."""
     tracks = renewed_tracks(solver, graph, coarse, fixed)
     passes = Passes(clip_of(solver, tracks, smoothing, graph.fps, fixed), coarse)
     passes.take(smoothing.passes - 1, count)
@@ -118,3 +154,29 @@ def measured_by(problem: Problem, graph: RobotGraph, qpos: Floats) -> dict[str, 
     ends = np.cumsum([len(track) for track in graph.costs])[:-1]
     found = {track.name: part for track, part in zip(graph.costs, np.split(every, ends, axis=1), strict=True)}
     return found | {cost.track.name: cost.values(qpos) for cost in problem.stencils}
+
+
+def stresses(solver: FrameSolver, graph: RobotGraph, qpos: Floats) -> dict[str, Floats]:
+    """Return per kind (T,) its cost in every frame.
+
+    Args:
+        solver: of the graph's problem.
+        graph: its tracks have their final targets.
+        qpos: (T, nq) configurations.
+    """
+    measured = measured_by(solver.problem, graph, qpos)
+    found = {name: graph.kinds[name].stress(values).sum(axis=1) for name, values in measured.items()}
+    past = [None, *(Past(before, 1 / graph.fps) for before in qpos[:-1])]
+    return found | solver.costs.parts(qpos, targets_of(graph.tracks), past) | _temporal_stress(graph, qpos)
+
+
+def _temporal_stress(graph: RobotGraph, qpos: Floats) -> dict[str, Floats]:
+    """Return per kind of second differences (T,) its cost about every frame; 0 at both ends."""
+    wanted = (Role.COST, Form.JOINT, SECOND_DIFFERENCE)
+    tracks = [track for track in graph.tracks if (track.role, track.kind.form, track.stencil) == wanted]
+    bend = np.zeros((len(qpos), graph.robot.model.nv))
+    if len(qpos) > 2:
+        bend[1:-1] = np.diff(difference(graph.robot, qpos[:-1], qpos[1:]), axis=0)
+    names = tangent_names(graph.robot)
+    columns = {track.name: [names.index(end) for end, _ in track.ends] for track in tracks}
+    return {track.name: track.stress(bend[:, columns[track.name]]).sum(axis=1) for track in tracks}

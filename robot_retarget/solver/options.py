@@ -100,8 +100,9 @@ class Search:
     """Time between the moments at which a descent begins in the reference pose [s] ..."""
     reached: int = 12
     """... and maximum number of its steps."""
-    dear: float = 0.06
-    """Share of these moments, the dearest, with several starts [-]; with half more, clips cost the same."""
+    dear: float = 0.2
+    """Share of these moments, the dearest, with several starts [-], besides the first and the last; with .06 the arms of the
+    OP3 stayed in a basin of up to 1.3 times the cost, with 1 clips cost the same."""
     starts: int = 8
     """Number of starts with limbs drawn within their ranges, in addition to the reference and the standing pose."""
     rough: int = 4
@@ -110,6 +111,8 @@ class Search:
     """... and number of the cheapest ends that continue."""
     drawn: int = 80
     """Number of poses drawn per limb for these starts."""
+    apart: float = 1.0
+    """Draws of a limb with all hinges nearer than this mostly end in one basin: starts take draws further apart first [rad]."""
     iterations: int = 6
     """Maximum number of steps to follow a candidate to the next moment."""
     tolerance: float = 2e-3
@@ -165,7 +168,9 @@ class Smoothing:
     """Options of a whole clip: the alternating direction method of multipliers between frames and a smooth path."""
 
     passes: int = 6
-    """Number of steps of every frame; 0 solves frame by frame."""
+    """Number of steps of every frame in a round; 0 solves frame by frame."""
+    rounds: int = 3
+    """Maximum number of rounds of passes; each places footholds anew on the path of the one before."""
     proximal: float = 24.0
     """ρ, the weight that draws a frame to the smooth path [1/rad²]: half of it takes half the passes, but a far start
     then overshoots."""

@@ -257,9 +257,9 @@ class FixedLag:
     robot: Robot
     proximal: float
 
-    def __init__(self, solver: FrameSolver, lag: int, options: RealTime):
-        """Set the lag in frames; the solver's tracks define the second differences to be smoothed."""
-        self.solver, self.lag, self.robot, self.proximal = solver, lag, solver.robot, options.drawn
+    def __init__(self, solver: FrameSolver, lag: int, options: RealTime, fps: float):
+        """Set the lag in frames; the solver's tracks define the second differences to be smoothed, at their frame rate [1/s]."""
+        self.solver, self.lag, self.robot, self.proximal, self.fps = solver, lag, solver.robot, options.drawn, fps
         self.waiting: deque[SolvedFrame] = deque()
         self.given: deque[Floats] = deque(maxlen=GIVEN)
 
@@ -285,7 +285,8 @@ class FixedLag:
         speed = np.array([difference(self.robot, a, b) for a, b in pairwise(path)])
         smooth = self.solver.problem.limits.differences(first.targets, SECOND_DIFFERENCE)
         weight, known = self.proximal * smooth.inertia, len(self.given)
-        offset = smooth_offsets(speed, smooth.weight / weight, known, smooth.bend)[known]
+        squared = (self.fps * np.mean([first.seconds, *(solved.seconds for solved in self.waiting)])) ** 2
+        offset = smooth_offsets(speed, smooth.weight / (weight * squared**2), known, smooth.bend * squared)[known]
         box = self.solver.reachable(before, first.targets, first.seconds)
         start, columns = integrate(self.robot, first.pose.qpos, offset), self.robot.qpos_index
         start[columns] = np.clip(start[columns], box.lower, box.upper)

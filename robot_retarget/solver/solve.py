@@ -11,19 +11,17 @@ from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import MatchError
 from robot_retarget.base.progress import Count, Progress
 from robot_retarget.graph.describe import RobotGraph, at_rate, graph_of
-from robot_retarget.graph.rows import Past
-from robot_retarget.graph.track import SECOND_DIFFERENCE, Form, Role, Status
+from robot_retarget.graph.track import Status
 from robot_retarget.graph.weights import Weights
 from robot_retarget.human.features import HumanFeatures, features_of
 from robot_retarget.human.match import match
 from robot_retarget.human.motion import Motion
 from robot_retarget.robot import Robot
-from robot_retarget.robot.kinematics import difference, tangent_names
 from robot_retarget.scores.plausibility import mismatch
-from robot_retarget.solver.clip import clip_poses, measured_by
+from robot_retarget.solver.clip import clip_poses, measured_by, stresses
 from robot_retarget.solver.descent import FrameSolution
 from robot_retarget.solver.options import ClipPiece, FrameWindow, Search, Smoothing, SolveOptions
-from robot_retarget.solver.problem import Problem, build_problem, targets_of
+from robot_retarget.solver.problem import Problem, build_problem
 from robot_retarget.solver.solution import Solution, unmet_edges
 from robot_retarget.solver.sqp import FrameSolver
 from robot_retarget.solver.starts import causal_poses
@@ -43,6 +41,7 @@ def solve_graph(
     smoothing: Smoothing | None = None,
     progress: Progress | None = None,
     part: ClipPiece | None = None,
+    start: Floats | None = None,
 ) -> Solution:
     """Return the configurations that minimise the graph's edges within its limits.
 
@@ -51,6 +50,7 @@ def solve_graph(
         smoothing: options of the whole clip; `Smoothing(passes=0)` solves frame by frame, each from the one before.
         progress: receives the progress (`progress.Progress`).
         part: the windows of a piece of a longer clip (`solve_long`); by default the graph is a whole clip.
+        start: (T, nq) configurations that the passes start from; by default those of the search.
     """
     began = time.perf_counter()
     chosen, smoothly = search or Search(), smoothing or Smoothing()
@@ -61,7 +61,7 @@ def solve_graph(
     if causal:
         poses = causal_poses(solver, graph, chosen, count)
     else:
-        poses, graph = clip_poses(solver, graph, chosen, smoothly, count, part)
+        poses, graph = clip_poses(solver, graph, chosen, smoothly, count, part, start)
     timings = {"build": built - began, "solve": time.perf_counter() - built}
     return solution_of(solver, graph, poses, timings)
 
@@ -102,33 +102,13 @@ def solution_of(
     """
     qpos, problem = np.array([pose.qpos for pose in poses]), solver.problem
     trajectory = replace(trajectory_of(graph.motion, graph.robot, qpos), scene=graph.bodies)
-    measured = measured_by(problem, graph, qpos)
-    stress = {name: graph.kinds[name].stress(values).sum(axis=1) for name, values in measured.items()}
-    stress |= _numeric_stress(solver, graph, qpos) | _temporal_stress(graph, qpos)
+    measured, stress = measured_by(problem, graph, qpos), stresses(solver, graph, qpos)
     unmet = unmet_edges(solver, graph, measured, qpos)
     missed = {t for edge in unmet for t in edge.frames}
     status = tuple(Status.UNREACHED if t in missed else pose.status for t, pose in enumerate(poses))
     cost = np.sum(list(stress.values()), axis=0)
     iterations = np.array([pose.iterations for pose in poses])
     return Solution(trajectory, graph, status, cost, stress, measured, iterations, timings, problem.native, unmet)
-
-
-def _numeric_stress(solver: FrameSolver, graph: RobotGraph, qpos: Floats) -> dict[str, Floats]:
-    """Return per numeric kind (T,) its cost."""
-    past = [None, *(Past(before, 1 / graph.fps) for before in qpos[:-1])]
-    return solver.costs.parts(qpos, targets_of(graph.tracks), past)
-
-
-def _temporal_stress(graph: RobotGraph, qpos: Floats) -> dict[str, Floats]:
-    """Return per kind of second differences (T,) its cost about every frame; 0 at both ends."""
-    wanted = (Role.COST, Form.JOINT, SECOND_DIFFERENCE)
-    tracks = [track for track in graph.tracks if (track.role, track.kind.form, track.stencil) == wanted]
-    bend = np.zeros((len(qpos), graph.robot.model.nv))
-    if len(qpos) > 2:
-        bend[1:-1] = np.diff(difference(graph.robot, qpos[:-1], qpos[1:]), axis=0)
-    names = tangent_names(graph.robot)
-    columns = {track.name: [names.index(end) for end, _ in track.ends] for track in tracks}
-    return {track.name: track.stress(bend[:, columns[track.name]]).sum(axis=1) for track in tracks}
 
 
 # A clip of any length, solved piece by piece: memory is that of one piece, time grows with the number of frames.

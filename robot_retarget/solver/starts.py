@@ -99,16 +99,25 @@ def same_basin(solver: FrameSolver, first: FrameSolution, second: FrameSolution,
 def _limbs_drawn(
     solver: FrameSolver, base: Floats, targets: EdgeTargets, limbs: Mapping[tuple[int, ...], Floats], search: Search
 ) -> list[Floats]:
-    """Return poses with the best draw of each limb, the second best, and so on."""
+    """Return poses with the best draw of each limb, the best that is `Search.apart` from it, and so on."""
     best = [base.copy() for _ in range(search.starts)]
     for limb, angles in limbs.items():
         columns = solver.robot.qpos_index[list(limb)]
         poses = np.repeat(base[None], len(angles), axis=0)
         poses[:, columns] = angles
         cost = solver.problem.cost(poses, targets.clip.frames(np.zeros(len(poses), dtype=int)))
-        for start, k in zip(best, np.argsort(cost, kind="stable"), strict=False):
-            start[columns] = angles[k]
+        for start, own in zip(best, _spread(angles[np.argsort(cost, kind="stable")], search.apart), strict=False):
+            start[columns] = own
     return best
+
+
+def _spread(angles: Floats, apart: float) -> Floats:
+    """Return draws (N, n) in their order: first those with a hinge further than a distance from every one before [rad]."""
+    first: list[int] = []
+    for k, own in enumerate(angles):
+        if (np.abs(angles[first] - own).max(axis=1, initial=0.0) > apart).all():
+            first.append(k)
+    return np.concatenate([angles[first], np.delete(angles, first, axis=0)])
 
 
 def limb_starts(solver: FrameSolver, search: Search) -> dict[tuple[int, ...], Floats]:

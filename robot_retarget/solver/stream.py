@@ -91,7 +91,7 @@ class Follower:
         self.problem: Problem = build_problem(graph.robot, match, graph.tracks, native=native, lag=lag)
         frames = FrameSolver(self.problem)
         self.solver: RealTimeSolver = RealTimeSolver(frames, options)
-        self.lag: FixedLag | None = FixedLag(frames, lag, options) if lag else None
+        self.lag: FixedLag | None = FixedLag(frames, lag, options, graph.fps) if lag else None
         soles = together([sole_corners(match.anatomy, foot) for foot in placed_feet(match, graph.robot)])
         self.corners: PlacedPoints = PlacedPoints(graph.robot, soles)
         self.stood: Placer = root_placer(graph.robot, match.anatomy, graph.robot.standing())

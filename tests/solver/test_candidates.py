@@ -20,6 +20,7 @@ from robot_retarget.solver.options import Search
 from robot_retarget.solver.problem import targets_of
 from robot_retarget.solver.solve import problem_of
 from robot_retarget.solver.sqp import FrameSolver
+from robot_retarget.solver.starts import _spread
 
 STARTS = runpy.run_path(str(ROOT / "scripts/bench/bench_starts.py"))
 
@@ -100,6 +101,15 @@ def test_bridges_between_basins_are_within_reach_of_the_joints() -> None:
     kept = np.full(len(turns), found.search_options.same)  # a pose nearer than this to the paced one stays
     kept[added[0] : added[-1]] = 0.0
     assert (turns <= found.bounds.speed.min(axis=0) * 0.1 + kept[:, None] + 1e-9).all()
+
+
+def test_starts_take_draws_of_a_limb_that_lie_apart_first() -> None:
+    draws = np.random.default_rng(5).uniform(-3.0, 3.0, (80, 3))
+    spread = _spread(draws, 2.0)
+    assert (spread[0] == draws[0]).all() and np.array_equal(np.unique(spread, axis=0), np.unique(draws, axis=0))
+    first = next(k for k in range(1, 80) if np.abs(spread[:k] - spread[k]).max(axis=1).min() <= 2.0)
+    assert first > 4, "several basins of an arm"
+    assert all(np.abs(spread[:first] - own).max(axis=1).min() <= 2.0 for own in draws)
 
 
 @pytest.mark.parametrize("clip", ["walk", "wave"])

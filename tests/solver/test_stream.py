@@ -150,6 +150,14 @@ def test_a_lag_smooths_and_is_told_as_age(robot: Robot, wave: Motion) -> None:
     within_limits(robot, np.array([pose.qpos for pose in late]), np.arange(len(late)) / 30)
 
 
+def test_the_rate_of_the_calibration_does_not_change_a_lag(robot: Robot, wave: Motion) -> None:
+    slow, angles = wave.resample(10), []
+    for calibration in (slow, wave):
+        stream = Stream(robot, wave.skeleton, calibration=calibration, lag=3, native=False)
+        angles.append([pose.qpos[robot.qpos_index] for pose in followed(stream, slow, range(len(slow)))])
+    assert np.degrees(np.abs(np.diff(angles, axis=0)).max()) < 0.01
+
+
 @pytest.mark.parametrize("fps", [60.0, 120.0])
 def test_an_edge_is_followed_alike_at_every_rate(fps: float) -> None:
     """The recursion of an edge of π = 1/rad², stepped at another rate, is at the same place at the same times."""
