@@ -179,7 +179,6 @@ class Report:
             {
                 "verdict": self.verdict,
                 "reasons": list(self.reasons),
-                "cures": list(self.cures),
                 "figures": dict(self.figures),
                 "trajectory_sha256": self.trajectory_sha256,
                 "robot": self.robot,
@@ -190,6 +189,7 @@ class Report:
                 "mode": self.figures["mode"],
                 "thresholds": self.thresholds.changed,
                 "model": self.model,
+                "cures": list(self.cures),
             }
         )
 

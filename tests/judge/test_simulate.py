@@ -192,6 +192,7 @@ def test_the_report_of_a_simulation_is_the_contract_and_names_the_file(tmp_path)
         "mode",
         "thresholds",
         "model",
+        "cures",
         "report_sha256",
     ]
     assert kept["report_sha256"] == content_sha256(kept) != content_sha256(kept | {"verdict": "pass"})
