@@ -11,6 +11,7 @@ import sys
 import termios
 import time
 import tty
+import zlib
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -88,7 +89,7 @@ class Terminal:
             self.close()
             raise ServoError(f"{link} is in the way: it is no link of an emulator")
         try:
-            fcntl.lockf(self._slave, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.lockf(self._slave, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, _byte_of(link))
             link.unlink(missing_ok=True)
             link.symlink_to(self.path)
         except OSError as error:
@@ -121,6 +122,11 @@ class Terminal:
             self.link.unlink()
 
 
+def _byte_of(link: Path) -> int:
+    """Return the byte that the owner of a name locks: another emulator may have got the port of a killed one."""
+    return zlib.crc32(str(link.absolute()).encode())
+
+
 def _taken(link: Path) -> bool:
     """Return whether the port behind a link belongs to a living emulator, which holds a lock on it."""
     try:
@@ -128,7 +134,7 @@ def _taken(link: Path) -> bool:
     except OSError as error:
         return error.errno == errno.EBUSY  # a host has the port for itself
     try:
-        fcntl.lockf(port, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.lockf(port, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, _byte_of(link))
     except OSError:
         return True
     finally:
