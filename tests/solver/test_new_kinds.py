@@ -179,7 +179,7 @@ class Elbow(Kind):
     form = Form.NUMERIC
 
     def targets(self, context: RetargetContext) -> Track:
-        return exact(self, [("r_el", "zero")], -0.7 * raised(context), 100.0)
+        return exact(self, [("r_el", "zero")], 0.7 * raised(context), 100.0)
 
     def rows(self, track: Track, state: RowState) -> MeasureRows | None:
         slope = np.zeros((1, state.robot.model.nv))
@@ -211,20 +211,20 @@ class Calm(Elbow):
 
 
 @dataclass(frozen=True)
-class Straight(Elbow):
-    """A numeric inequality, relaxed by the slack of separation: the elbow is nearly straight at first, and bends later."""
+class Bent(Elbow):
+    """A numeric inequality, relaxed by the slack of separation: the elbow is bent at first, and more later."""
 
-    name: str = "straight"
+    name: str = "bent"
     role = Role.INEQUALITY
 
     def targets(self, context: RetargetContext) -> Track:
         return limit(self, [("r_el", "zero")], -np.inf, np.inf, len(context.human)).bounded(
-            -0.1 - 0.7 * raised(context), np.inf
+            0.5 + 0.7 * raised(context), np.inf
         )
 
 
 @dataclass(frozen=True)
-class Narrow(Straight):
+class Narrow(Bent):
     """The same as a bound."""
 
     name: str = "narrow"
@@ -255,7 +255,7 @@ class Renamed(SmoothnessKind):
 
 COSTS = (Low(), Elbow())
 CHANGES = (Slower(), Even(), Centred(), Calm())
-LIMITS = (Below(), Straight(), Narrow(), Slow())
+LIMITS = (Below(), Bent(), Narrow(), Slow())
 
 
 def named(kind: Kind) -> str:
@@ -314,7 +314,7 @@ def test_a_limit_holds_at_every_frame_by_its_own_interval_in_clip_and_stream(kin
 
 
 def test_a_limit_is_absent_where_its_priority_is_zero() -> None:
-    graph = described(Below(), Narrow(), Slow(), Straight())
+    graph = described(Below(), Narrow(), Slow(), Bent())
     graph = replace(
         graph, tracks=tuple(t if t.name not in map(named, LIMITS) else t.weighed(0.0) for t in graph.tracks)
     )
@@ -452,7 +452,7 @@ def test_targets_that_the_solver_cannot_honour_are_refused() -> None:
         "priority ∞": replace(below, priority=np.full((frames, 1), 7.0)),
         "no joint 'elbow of the left wing'": limit(narrow, none, 0.0, 1.0, frames),
         "has two edges": limit(narrow, joint * 2, 0.0, 1.0, frames),
-        "no upper bound": limit(Straight(), joint, 0.0, 1.0, frames),
+        "no upper bound": limit(Bent(), joint, 0.0, 1.0, frames),
         "squared errors": replace(bend, kind=Renamed(), upper=bend.upper + 0.1),
         "two kinds of edges have the name 'floor'": limit(Below("floor"), [("r_hand", "floor")], 0.0, 1.0, frames),
     }
