@@ -132,7 +132,7 @@ class Slower(Below):
     stencil = (-1, 0)
 
     def targets(self, context: RetargetContext) -> Track:
-        return exact(self, [("r_hand", "r_hand a frame before")], np.zeros((len(context.human), 1)), 300.0, context.leg)
+        return exact(self, [("r_hand", "r_hand a frame before")], np.zeros((len(context.human), 1)), 600.0, context.leg)
 
     def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
         return body.keypoint("r_hand")[2] - body.at(-1).keypoint("r_hand")[2]
