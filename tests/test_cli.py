@@ -82,6 +82,7 @@ def test_simulate_prints_the_report_of_the_contract(solved: Path) -> None:
     assert {
         "verdict",
         "reasons",
+        "cures",
         "figures",
         "trajectory_sha256",
         "robot",
@@ -147,7 +148,7 @@ def test_bad_names_and_frames_are_refused_with_what_is_known(tmp_path: Path) -> 
     assert_refused(
         run("solve", WAVE, "--robot", "op4", *out), "unknown robot 'op4'", "did you mean 'op3'? known: g1_class, op3"
     )
-    assert_refused(run("solve", WAVE, "--robot", tmp_path / "robot.xml", *out), "robot.xml", "no XML in UTF-8")
+    assert_refused(run("solve", WAVE, "--robot", tmp_path / "robot.xml", *out), "robot.xml", "XML parse error")
     assert_refused(run("solve", WAVE, "--robot", "op3", "--frames", "10:9999", *out), "frames 10:9999", "0:169")
     assert_refused(run("solve", WAVE, "--robot", "op3", "--frames", "a:b", *out), "--frames takes START:STOP")
     assert_refused(run("solve", tmp_path / "none.bvh", "--robot", "op3", *out), "no such file")

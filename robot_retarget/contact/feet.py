@@ -61,7 +61,7 @@ def in_the_air(
 ) -> Bools:
     """Return (T,) whether neither toe nor ankle of any foot is on the ground; arguments as of `contact_schedule`."""
     if given is not None:
-        return ~given.any(axis=1)
+        return ~np.asarray(given.any(axis=1))
     down = []
     for part in PARTS:
         places = [points[f"{side}_{part}"] / leg for side in "lr" if f"{side}_{part}" in points]

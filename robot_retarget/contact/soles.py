@@ -32,7 +32,7 @@ class SoleContacts:
     @property
     def flying(self) -> Bools:
         """(T,) whether no sole is on the ground; never for a robot without feet."""
-        return ~self.down.any(axis=1) if self.feet else np.zeros(len(self.down), dtype=bool)
+        return ~np.asarray(self.down.any(axis=1)) if self.feet else np.zeros(len(self.down), dtype=bool)
 
     @property
     def labels(self) -> Bools:

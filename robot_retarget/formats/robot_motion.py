@@ -95,7 +95,7 @@ class RobotMotion:
         found = self.contacts
         if found is None:
             return {}
-        stands = found.stands.any(axis=2)
+        stands = np.asarray(found.stands.any(axis=2))
         return {FEET[foot]: stands[:, k] for k, foot in enumerate(found.feet)}
 
     def require_plain(self, format: str) -> None:

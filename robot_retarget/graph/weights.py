@@ -8,7 +8,7 @@ from robot_retarget.human.match import NEAR
 
 BLEND = 5.0
 """Factor between two presets [-]."""
-PRESETS = {"directions": 1 / BLEND, "balanced": 1.0, "distances": BLEND}
+PRESETS: dict[Preset, float] = {"directions": 1 / BLEND, "balanced": 1.0, "distances": BLEND}
 """Factor of the weights of distances between keypoints, relative to the balanced blend [-]."""
 LEG = 8.0
 """Directions of thigh and shin [-]."""

@@ -89,7 +89,7 @@ def read_policy(path: str | Path) -> Policy:
         UsageError: onnxruntime is not installed, the file is no policy, or nothing states its contract.
     """
     try:
-        import onnxruntime
+        import onnxruntime  # pyright: ignore[reportMissingImports]  (the extra `policy`)
     except ImportError:
         raise UsageError("--policy needs onnxruntime: pip install onnxruntime") from None
     try:

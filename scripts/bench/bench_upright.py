@@ -11,6 +11,7 @@ from dataclasses import asdict, astuple, dataclass, fields
 from pathlib import Path
 
 import robot_retarget as rr
+from robot_retarget.base.choices import Legs
 from robot_retarget.base.errors import BalanceError, MatchError
 from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import MOST_FPS
@@ -41,7 +42,7 @@ class Row:
     """Reasons against it, differences from the human, and why both feet stay in place."""
 
 
-def judged(clip: Path, robot: rr.Robot, legs: str, count: int, feedback: bool | None = None) -> Row:
+def judged(clip: Path, robot: rr.Robot, legs: Legs, count: int, feedback: bool | None = None) -> Row:
     """Balance, play and judge a clip, in `count` drawn simulations too; `feedback` as in `simulate`."""
     motion = rr.read_motion(clip)
     motion = motion.resample(min(motion.fps, MOST_FPS))

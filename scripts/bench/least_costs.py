@@ -77,8 +77,8 @@ def main() -> None:
         robot = rr.load_robot(name)
         for clip in given.clips:
             own, *others = costs(clip, robot, given.paths, given.record, given.drawn)
-            held = table.get((robot.name, clip.stem), ("", np.inf))
-            least = min([own, *others, *([held[1]] if held[0] == weights else [])])
+            held = table.get((robot.name, clip.stem), ("", float("inf")))
+            least: float = min([own, *others, *([held[1]] if held[0] == weights else [])])
             table[robot.name, clip.stem] = weights, round(least, 2)
             near += own <= NEAR * least
             print(f"{robot.name:14} {clip.stem:22} {own:9.1f} {least:9.1f} {own / least:6.3f}", flush=True)

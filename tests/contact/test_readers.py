@@ -38,7 +38,7 @@ def robot_of(name: str) -> rr.Robot:
     return rr.load_robot(name)
 
 
-def drifting(robot: rr.Robot, graph: rr.Graph, seed: int) -> rr.Trajectory:
+def drifting(robot: rr.Robot, graph: rr.RobotGraph, seed: int) -> rr.Trajectory:
     """A robot that stands, lifts off and slides along the floor: readers need no solved clip."""
     draw = np.random.default_rng(seed)
     qpos = np.tile(robot.standing(), (len(graph), 1))

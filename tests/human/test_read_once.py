@@ -8,6 +8,7 @@ import pytest
 from shared_files import ROOT
 
 import robot_retarget as rr
+from robot_retarget.base.choices import Balance
 from robot_retarget.base.files import SAMPLES
 
 MOST = {
@@ -22,7 +23,7 @@ MOST = {
 
 
 @pytest.mark.parametrize("balance", ["off", "static"])
-def test_the_human_of_a_retargeting_is_read_once(balance: str) -> None:
+def test_the_human_of_a_retargeting_is_read_once(balance: Balance) -> None:
     profile = cProfile.Profile()
     profile.runcall(_retargeted, balance)
     home, calls = str(ROOT / "robot_retarget") + "/", Counter[str]()
@@ -32,6 +33,6 @@ def test_the_human_of_a_retargeting_is_read_once(balance: str) -> None:
     assert {name: calls[name] for name in MOST if not 0 < calls[name] <= MOST[name]} == {}
 
 
-def _retargeted(balance: str) -> float:
+def _retargeted(balance: Balance) -> float:
     motion = rr.read_motion(SAMPLES / "clap.bvh").frames(0, 20)
     return rr.retarget(motion, rr.load_robot("op3"), balance=balance).likeness.path_off

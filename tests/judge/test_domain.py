@@ -64,7 +64,7 @@ def test_slippery_ground_lets_feet_turn_that_grip_holds():
 
 
 def test_supply_and_floor_are_drawn_between_a_flat_battery_and_a_full_one_a_hard_floor_and_a_soft_one():
-    spread = np.array([[12 * d.voltage, 1e3 * d.floor] for d in draws(400)])
+    spread = np.array([[12 * (d.voltage or 0), 1e3 * (d.floor or 0)] for d in draws(400)])
     np.testing.assert_allclose(spread.min(0), [11.0, 4.0], atol=0.06)
     np.testing.assert_allclose(spread.max(0), [12.4, 12.0], atol=0.06)
 

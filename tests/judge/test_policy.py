@@ -165,6 +165,7 @@ def test_the_verdict_is_that_of_the_policy_and_play_refuses_it(tmp_path: Path) -
     assert report.verdict == "pass" and report.figures["policy"] == "policy" and report.trajectory is not None
     path = report.trajectory.save(tmp_path / "trajectory.npz")
     report.save(tmp_path / "report.json")
+    assert OP3.servo_map
     with pytest.raises(ServoError, match="judged under the policy policy, which playback does not run"):
         require_judged(path, report.trajectory, OP3.servo_map, "op3")
 

@@ -240,7 +240,7 @@ def test_a_simulation_that_breaks_down_is_a_verdict_and_leaves_no_log(tmp_path, 
 
 def test_an_unknown_mode_and_another_robot_are_refused():
     with pytest.raises(UsageError, match="'hover'; known: pinned, free"):
-        simulate(hold(OP3), OP3, mode="hover")
+        simulate(hold(OP3), OP3, mode="hover")  # pyright: ignore[reportArgumentType]
     with pytest.raises(TrajectoryError, match="joint 0 is 'tail'"):
         simulate(Trajectory(hold(OP3).qpos, 50, ("tail", *OP3.joint_names[1:]), "lizard"), OP3)
 

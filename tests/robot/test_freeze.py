@@ -9,6 +9,7 @@ from made_trajectories import hold, swing
 from shared_files import ROOT
 
 import robot_retarget as rr
+from robot_retarget.base.choices import Balance
 from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.robot import Robot, recognise
 from robot_retarget.robot.model import assumed_speed_notes
@@ -82,7 +83,7 @@ def test_a_map_file_freezes_too(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("balance", ["off", "static"])
-def test_joints_follow_the_motion_of_a_file(balance: str, tmp_path: Path) -> None:
+def test_joints_follow_the_motion_of_a_file(balance: Balance, tmp_path: Path) -> None:
     """At every frame the angle of the file at the time of the human's motion, which balance slows down."""
     op3 = rr.load_robot("op3")
     turning = swing(op3, "head_pan", 0.4, 0.5, 3.0, fps=50)

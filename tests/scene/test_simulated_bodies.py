@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import robot_retarget as rr
+from robot_retarget.base.choices import Stand
 from robot_retarget.base.errors import SceneError, UsageError
 from robot_retarget.scene.scene import FIELDS, OPTIONAL, RigidBody, Scene, arrays_of, scene_from
 from robot_retarget.scene.shape import ShapeKind, height_field, mesh, solid
@@ -28,7 +29,7 @@ def test_a_free_body_in_the_air_is_dropped_and_said_so() -> None:
 
 
 @pytest.mark.parametrize("mode", ["free", "pinned"])
-def test_a_free_body_on_the_floor_stays(mode: str) -> None:
+def test_a_free_body_on_the_floor_stays(mode: Stand) -> None:
     played = replace(STAND, scene=beside(0.05))
     report = rr.simulate(played, OP3, mode=mode, objects="free", draws=0, compensate=False)
     assert report.figures["objects"]["box"]["dropped_s"] is None

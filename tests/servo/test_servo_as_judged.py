@@ -11,6 +11,7 @@ from emulated import emulated
 
 import robot_retarget as rr
 from robot_retarget.actuators.map import load_map
+from robot_retarget.base.choices import Legs
 from robot_retarget.base.files import SAMPLES
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions
 from robot_retarget.servo.plan import goal_plan
@@ -24,7 +25,7 @@ ASTRAY = 0.01
 
 
 @pytest.mark.parametrize(("clip", "legs"), [("clap", "stand"), ("squat", "stand"), ("walk", "follow")])
-def test_the_emulated_robot_does_what_was_judged(clip: str, legs: str, tmp_path: Path) -> None:
+def test_the_emulated_robot_does_what_was_judged(clip: str, legs: Legs, tmp_path: Path) -> None:
     solved = rr.retarget(rr.read_motion(SAMPLES / f"{clip}.bvh").frames(0, 90), OP3, legs=legs, balance="static")
     report = rr.simulate(
         solved.trajectory, OP3, mode="free", draws=0, others=False

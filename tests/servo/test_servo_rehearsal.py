@@ -46,6 +46,7 @@ def test_a_robot_above_its_floor_is_let_go_only_on_it() -> None:
 
 def test_a_falling_robot_is_named_as_a_cause_of_a_small_weight() -> None:
     falling = [Reading(np.zeros(3), np.array([0.0, 0.01 * k, 1.6])) for k in range(3)]
+    assert OP3.imu
     (fault,) = rest_faults(falling, OP3.imu, still=False)
     assert "1.6 m/s² at rest" in fault and "falls freely, without a floor" in fault
 

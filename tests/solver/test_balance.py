@@ -486,7 +486,7 @@ def test_choices_that_do_not_go_together_are_refused() -> None:
         ("stand", "off", "needs balance: 'static' or 'dynamic'"),
     ):
         with pytest.raises(UsageError, match=said):
-            rr.retarget(motion, robot, legs=legs, balance=balance)
+            rr.retarget(motion, robot, legs=legs, balance=balance)  # pyright: ignore[reportArgumentType]
 
 
 def test_a_robot_without_a_free_root_cannot_be_balanced() -> None:

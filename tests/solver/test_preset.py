@@ -31,7 +31,7 @@ def test_each_preset_lowers_the_error_that_it_favours() -> None:
 
 def test_an_unknown_preset_lists_the_known_ones() -> None:
     with pytest.raises(UsageError, match=r"'angles'; known: directions, balanced, distances"):
-        Weights().with_preset("angles")
+        Weights().with_preset("angles")  # pyright: ignore[reportArgumentType]
 
 
 def test_frames_a_second_count_the_time_that_balance_took() -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from made_trajectories import hold
 
+from robot_retarget.base.choices import Stand
 from robot_retarget.base.errors import UsageError
 from robot_retarget.judge.report import Report
 from robot_retarget.judge.rollout import report_beside, simulate
@@ -16,7 +17,7 @@ OP3 = load_robot("op3")
 
 
 @pytest.mark.parametrize(("mode", "name"), [("free", "report.json"), ("pinned", "report.pinned.json")])
-def test_a_report_beside_a_file_shows_what_was_judged(mode: str, name: str, tmp_path: Path) -> None:
+def test_a_report_beside_a_file_shows_what_was_judged(mode: Stand, name: str, tmp_path: Path) -> None:
     report = simulate(hold(OP3, 0.4), OP3, mode=mode)
     assert report.trajectory is not None
     path = report.trajectory.save(tmp_path / "hold.npz")

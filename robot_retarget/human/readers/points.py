@@ -71,17 +71,17 @@ def bridged_turns(
     Raises:
         MotionError: a rotation is never there, or away for longer than `GAP`; names it and the frames.
     """
-    seen = np.isfinite(turns).all(axis=2)
+    seen = np.asarray(np.isfinite(turns).all(axis=2))
     if seen.all():
         return turns, ()
     whole, frames = np.array(turns), np.arange(len(turns))
-    for joint in np.flatnonzero(~seen.all(axis=0)):
+    for joint in np.flatnonzero(~seen.all(axis=0)).tolist():
         there = np.flatnonzero(seen[:, joint])
         if not there.size:
             raise MotionError(f"{names[joint]!r} has no rotation in any frame", source)
         _require_short(there, names[joint], fps, first, source)
-        way = Rotation.from_quat(turns[there, joint], scalar_first=True)
-        between = way if there.size == 1 else Slerp(there, way)(np.clip(frames, there[0], there[-1]))
+        way, ends = Rotation.from_quat(turns[there, joint], scalar_first=True), (int(there[0]), int(there[-1]))
+        between = way if there.size == 1 else Slerp(there, way)(np.clip(frames, *ends))
         whole[:, joint] = between.as_quat(scalar_first=True)
     return whole, (f"{int((~seen).sum())} rotations that were lost were bridged.",)
 

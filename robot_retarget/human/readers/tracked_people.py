@@ -218,7 +218,11 @@ def read_pickle(path: Path, request: Request) -> Capture:
     if isinstance(content, Mapping) and isinstance(content.get(PARC), bytes | bytearray):
         motion = parse_pickle(bytes(content[PARC]), LIMITS.unpacked(path))
         return datasets.parc_capture(motion, path, request)
-    if isinstance(content, Mapping) and OMOMO[1] in content and np.shape(content.get(OMOMO[0]))[1:] == (OMOMO_WIDTH,):
+    if (
+        isinstance(content, Mapping)
+        and OMOMO[1] in content
+        and np.shape(content.get(OMOMO[0], ()))[1:] == (OMOMO_WIDTH,)
+    ):
         joints = np.asarray(content[OMOMO[0]])[:, OMOMO_PLACES].reshape(len(content[OMOMO[0]]), -1, 3)
         return replace(positions.captured({"positions": joints, "fps": OMOMO_FPS}, path, request), up="+z")
     if holds_keypoints(content):

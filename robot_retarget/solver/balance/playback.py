@@ -284,7 +284,7 @@ def swing_time(ik: BalancedIk) -> float:
 
 def _sweeps(clip: PlaybackClip, leg: float) -> Floats:
     """Return (T, F) the angle that a leg sweeps in the swing at each frame over that of the longest step, `SHORT` at least [-]."""
-    shares, middle = np.ones(clip.planted.shape), clip.corners.mean(axis=2)[..., :2]
+    shares, middle = np.ones_like(clip.planted, dtype=float), clip.corners.mean(axis=2)[..., :2]
     for foot in range(shares.shape[1]):
         for start, stop in intervals(~clip.planted[:, foot]):
             ends = middle[[max(start - 1, 0), min(stop, len(middle) - 1)], foot]

@@ -62,6 +62,7 @@ def test_a_lost_rotation_is_bridged_along_the_shortest_way_and_said(tmp_path, wa
     turns[10:13, 3] = 0.0
     motion = read_motion(saved(tmp_path / "a.npz", walk, turns))
     assert any("3 rotations that were lost were bridged" in note for note in motion.notes)
+    assert motion.rotations is not None
     ends = Rotation.from_quat(walk.rotations[[9, 13], 3], scalar_first=True)
     expected = Slerp([9, 13], ends)([10, 11, 12])
     found = Rotation.from_quat(motion.rotations[10:13, 3], scalar_first=True)
