@@ -52,7 +52,7 @@ def test_equal_edges_are_one_edge_with_the_frames_of_both() -> None:
 
 @pytest.mark.parametrize(
     ("at", "reason"),
-    [(0.05, r"l_el is at its joint range"), (0.5, "at its extremum")],
+    [(0.02, r"l_el is at its joint range"), (0.5, "at its extremum")],
 )
 def test_a_hard_edge_that_cannot_be_met_is_reported_with_its_reason(at: float, reason: str) -> None:
     solution = solve_graph(wave().with_edge(*HANDS, at, frames=(15, 20), hard=True))
@@ -113,7 +113,7 @@ def test_edits_are_refused_with_their_file_and_line_and_unmet_ones_end_with_1(tm
     edits.write_text(head + "12\n")
     refused = run(*words)
     assert refused.returncode == 2 and "EDITS.toml:2: " in refused.stderr.replace("\n", "")
-    edits.write_text(head + "0.05\n")
+    edits.write_text(head + "0.02\n")
     unmet = run(*words)
     assert unmet.returncode == 1 and "at its joint range (90°)" in (unmet.stdout + unmet.stderr).replace("\n", " ")
 
