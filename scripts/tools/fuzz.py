@@ -161,7 +161,9 @@ def motion_target(folder: Path, more: list[Path]) -> Target:
     with zipfile.ZipFile(folder / "a.zip", "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("a.bvh", bvh)
     matrices = np.tile(np.eye(3), (9, 22, 1, 1))
-    np.savez(folder / "turned.npz", positions=rng.normal(0, 1, (9, 22, 3)), rotations=matrices, fps=30)
+    np.savez(
+        folder / "turned.npz", positions=np.random.default_rng(0).normal(0, 1, (9, 22, 3)), rotations=matrices, fps=30
+    )
     body = {"root_pos": np.zeros((9, 3), "f4"), "root_rot": np.tile([0, 0, 0, 1.0], (9, 1)), "fps": 30}
     body["joint_rot"] = np.tile([0, 0, 0, 1.0], (9, 14, 1))
     (folder / "parc.pkl").write_bytes(pickle.dumps({"motion_data": pickle.dumps(body)}))

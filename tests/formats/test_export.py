@@ -35,8 +35,12 @@ def test_csv_reads_back_as_the_same_configurations(op3, tmp_path):
         "time [s]", "root_x [m]", "root_y [m]", "root_z [m]",
         "root_qw [-]", "root_qx [-]", "root_qy [-]", "root_qz [-]", "head_pan [rad]",
     ]  # fmt: skip
-    assert [name.removesuffix(" [rad]") for name in header[8:]] == list(op3.joint_names)
-    np.testing.assert_allclose(rows[:, 1:], trajectory.qpos, rtol=1e-9, atol=1e-12)
+    assert [name.removesuffix(" [rad]") for name in header[8:]] == [
+        *op3.joint_names,
+        "left_foot_contact [-]",
+        "right_foot_contact [-]",
+    ]
+    np.testing.assert_allclose(rows[:, 1:-2], trajectory.qpos, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(rows[:, 0], np.arange(len(trajectory)) / trajectory.fps, rtol=1e-9)
 
 

@@ -12,7 +12,6 @@ REFERENCE = SHARED / "robots" / "robotis_op3" / "robotis_op3.xml"
 FEET = {"l_ank_roll_link", "r_ank_roll_link"}
 
 
-# In units of π, of the left side or the middle [ROBOTIS-OP3 op3_kinematics_dynamics.cpp]; the knee opened to 0.8.
 @pytest.fixture(scope="module")
 def model() -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_path(str(SCENE))

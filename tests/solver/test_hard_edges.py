@@ -52,7 +52,7 @@ def test_equal_edges_are_one_edge_with_the_frames_of_both() -> None:
 
 @pytest.mark.parametrize(
     ("at", "reason"),
-    [(0.02, r"l_el is at its joint range"), (0.5, "at its extremum")],
+    [(0.02, r"head_tilt_link and l_el_link are at their separation"), (0.5, "at its extremum")],
 )
 def test_a_hard_edge_that_cannot_be_met_is_reported_with_its_reason(at: float, reason: str) -> None:
     solution = solve_graph(wave().with_edge(*HANDS, at, frames=(15, 20), hard=True))
