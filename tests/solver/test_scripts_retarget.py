@@ -106,7 +106,7 @@ def test_a_robot_compared_with_itself_has_no_error(script: Any) -> None:
     found = judge(robot, matched, itself, qpos, 30.0)
     assert found.limb_deg < 1e-3  # arccos near 1 loses half the digits
     still = judge(robot, matched, itself, np.repeat(qpos[:1], 6, axis=0), 30.0)
-    assert still.jerk == still.step_rad == 0.0 and still.skate_cm_s == 0.0
+    assert still.jerk == still.step_rad == 0.0 and not still.skate_cm_s > 0.0  # NaN where no foot of the human stands
 
 
 def test_the_pages_pictures_are_there_and_small() -> None:
