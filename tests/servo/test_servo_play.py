@@ -198,7 +198,8 @@ def test_one_ctrl_c_holds_and_a_second_lets_go(
     with np.load(tmp_path / "play.npz") as log:
         names = log["phases"][log["phase"]]
         assert np.count_nonzero(names == phase) == 1, "the tick at which it was asked"
-        assert np.count_nonzero(names == "hold") == (RATE * OPTIONS.grace if signals == (2,) else 0)
+        held, grace = np.count_nonzero(names == "hold"), RATE * OPTIONS.grace
+        assert held in (grace, grace + 1) if signals == (2,) else held == 0, "to the tick"
     require_harmless(emulator, tmp_path)
 
 
