@@ -131,7 +131,7 @@ def test_the_report_says_how_much_was_added_and_keeps_what_was_judged() -> None:
 
 def test_gains_that_oscillate_fail_with_the_joint_and_the_frequency() -> None:
     wild = with_gains({f"{side}_hip_pitch": {"rate": 1.0, "tilt": 5.0} for side in "lr"})
-    report = simulate(STAND, wild, mode="free", draws=0, feedback=True)
+    report = simulate(hold(OP3, 3.0), wild, mode="free", draws=0, feedback=True)
     assert report.verdict == "fail"
     assert any("oscillates" in r and "hip_pitch" in r and "Hz" in r for r in report.reasons), report.reasons
 

@@ -99,3 +99,18 @@ def test_a_page_shows_state_address_rate_faults_and_performer_and_records_a_take
     take = load_trajectory(tmp_path / "take_1.npz")
     assert take.robot == robot.name and len(take) > 2 and 5 < take.fps < 240
     assert np.ptp(take.qpos[:, robot.qpos_index], axis=0).max() > 0.001
+
+
+@pytest.mark.parametrize("late", [-0.02, 0.0, 0.02, 0.045])
+def test_a_take_of_poses_at_uneven_times_is_as_long_as_they_took(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, late: float
+) -> None:
+    robot, times = load_robot("op3"), np.arange(48) / 30 + np.where(np.arange(48) > 40, late, 0.0)
+    clock = iter(times)
+    monkeypatch.setattr("robot_retarget.tools.view.web.live.monotonic", lambda: next(clock))
+    live = LiveRobot(robot, takes=tmp_path)
+    live.record()
+    for _ in times:
+        live.show(robot.standing())
+    live.record()
+    assert load_trajectory(tmp_path / "take_1.npz").duration == pytest.approx(times[-1], abs=1 / 30)

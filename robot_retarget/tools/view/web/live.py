@@ -114,10 +114,11 @@ class LiveRobot:
             raise UsageError("no pose came while the take was recorded")
         times, qpos = np.array([time for time, _ in take]), np.array([pose for _, pose in take])
         fps = float(np.clip(round((len(take) - 1) / length), 1, 1000))
-        numbered = Trajectory(qpos, 1.0, self._robot.joint_names, self._robot.name, source="live")
+        names = self._robot.joint_names, self._robot.name
+        numbered = Trajectory(qpos, 1.0, *names, source="live")
         at = np.interp(np.arange(int(length * fps) + 1) / fps, times - times[0], np.arange(len(take)))
         path = next(p for n in count(1) if not (p := self._folder / f"take_{n}.npz").exists())
-        numbered.altered(qpos=sample(numbered, self._robot, at), fps=fps).save(path)
+        Trajectory(sample(numbered, self._robot, at), fps, *names, source="live").save(path)
         return {"wrote": str(path), "seconds": round(length, 2)}
 
     @staticmethod
