@@ -30,7 +30,7 @@ LAYERS = {
     "servo": {"actuators", "trajectory", "scene"},
     "formats": {"actuators", "trajectory", "human", "robot", "scene", "contact"},
     "edit": {"contact", "trajectory", "robot", "human", "graph", "solver", "formats", "judge", "scene"},
-    "live": {"actuators", "human", "robot", "servo", "judge", "scene"},
+    "live": {"actuators", "human", "robot", "solver", "servo", "judge", "scene"},
 }
 """Every folder and module below the commands, lower ones first, with its permitted imports in addition to `base`."""
 TOP = {"__init__", "__main__", "tools"}

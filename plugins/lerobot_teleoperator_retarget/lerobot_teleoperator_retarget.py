@@ -7,7 +7,6 @@ frame arrives.
 import logging
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from threading import Thread
 
 from lerobot.teleoperators import Teleoperator, TeleoperatorConfig
@@ -31,15 +30,13 @@ class RetargetTeleoperatorConfig(TeleoperatorConfig):
     servos: str = ""
     """Servo map (.toml), whose ranges and speeds apply; empty takes the robot's own."""
     source: str = "vmc"
-    """`vmc`, `json`, `floats`, … or a motion file, which is played in real time."""
+    """`vmc`, `json`, … or a motion file, which is played in real time."""
     listen: int | None = None
     """Port to listen at; by default the protocol's."""
     host: str = LOOPBACK
     """Address to listen at; `0.0.0.0` lets other machines send."""
     sender: str = ""
     """Name or address of the only machine that may send; empty for any."""
-    skeleton: Path | None = None
-    """Motion file with the joints of `floats`."""
 
 
 class RetargetTeleoperator(Teleoperator):
@@ -79,7 +76,7 @@ class RetargetTeleoperator(Teleoperator):
         if self.is_connected:
             raise DeviceAlreadyConnectedError(f"{self} is connected")
         told, say = self.config, log.info
-        source = opened(told.source, told.listen, told.host, sender=told.sender, skeleton=told.skeleton, say=say)
+        source = opened(told.source, told.listen, told.host, sender=told.sender, say=say)
         self._loop = Loop(source, lambda skeleton: Stream(self.robot, skeleton), self, say)
         self._thread = Thread(target=self._run, args=(self._loop,), daemon=True)
         self._thread.start()

@@ -2,76 +2,18 @@
 
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from threading import Event
 from typing import Any, Protocol
 
 import numpy as np
 
-from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import MatchError
 from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.live.frame import Fault, Frame
 from robot_retarget.live.receiver import FrameSource
-
-
-class LivePose(Protocol):
-    """A solved configuration."""
-
-    @property
-    def qpos(self) -> Floats:
-        """(nq,)."""
-        ...
-
-    @property
-    def time(self) -> float:
-        """Of the newest frame [s]."""
-        ...
-
-    @property
-    def status(self) -> Any:
-        """Status of the solver."""
-        ...
-
-    @property
-    def age(self) -> float:
-        """Time from its frame to the newest frame [s]."""
-        ...
-
-    @property
-    def bodies(self) -> Mapping[str, Floats]:
-        """(7,) pose of each body of a scene around the robot at the newest frame."""
-        ...
-
-    @property
-    def size(self) -> float:
-        """Size of the bodies over their captured size [-]."""
-        ...
-
-
-def status_name(status: Any) -> str:
-    """Return the name of a status in lower case."""
-    return str(getattr(status, "name", status)).lower()
-
-
-class PoseStream(Protocol):
-    """Maps frames to poses (`rr.Stream`)."""
-
-    def push(
-        self,
-        positions: Floats,
-        rotations: Floats | None = None,
-        *,
-        time: float,
-        poses: Mapping[str, Floats] | None = None,
-    ) -> LivePose:
-        """Return the pose of a frame, with the poses of bodies around by name."""
-        ...
-
-    def hold(self, time: float) -> LivePose:
-        """Return the pose while no frame arrives: the motion eases to a stop."""
-        ...
+from robot_retarget.solver.stream import StreamPose as LivePose
 
 
 class Sink(Protocol):
@@ -123,7 +65,7 @@ class StreamStats:
         self.frames += 1
         self.late += frame.arrived - frame.time > LATE
         self.latencies.append(time.monotonic() - frame.arrived)
-        status = status_name(pose.status)
+        status = pose.status.name.lower()
         self.statuses[status] = self.statuses.get(status, 0) + 1
 
     def figures(self, source: FrameSource) -> dict[str, Any]:
@@ -148,14 +90,15 @@ class Loop:
     def __init__(
         self,
         source: FrameSource,
-        stream_of: Callable[[Skeleton], PoseStream],
+        stream_of: Callable[[Skeleton], Any],
         sink: Sink,
         say: Callable[[str], None] = lambda text: None,
         patience: Patience | None = None,
     ) -> None:
         self.source, self.sink, self.stats = source, sink, StreamStats()
         self.stop: Event = Event()
-        self.stream: PoseStream | None = None
+        self.stream: Any = None
+        """The stream (`rr.Stream`) of the present performer."""
         self._stream_of, self._say, self._patience = stream_of, say, patience or Patience()
         self._skeleton: Skeleton | None = None
         self._interval = 1 / self._patience.rate
@@ -208,7 +151,7 @@ class Loop:
         self.sink.show(pose)
         self.stats.note(frame, pose)
 
-    def _begin(self, skeleton: Skeleton) -> PoseStream:
+    def _begin(self, skeleton: Skeleton) -> Any:
         self._say(f"a performer of {len(skeleton)} joints" + (", another than before" if self._skeleton else ""))
         self._skeleton, self.stream = skeleton, self._stream_of(skeleton)
         return self.stream

@@ -1,4 +1,4 @@
-"""Ports for bytes: datagrams, a connection, standard input. Only the system buffers them."""
+"""Ports for bytes: datagrams, standard input. Only the system buffers them."""
 
 import os
 import select
@@ -97,71 +97,10 @@ class UdpPort:
         self._socket.close()
 
 
-class TcpPort:
-    """One connection at a time; others are refused while it is open.
-
-    Args:
-        host: address to listen at.
-        faults: counts refused packets.
-        sender: address of the only machine that may connect; empty for any.
-
-    Raises:
-        UsageError: the port is taken, or may not be used.
-    """
-
-    ended = False
-
-    def __init__(self, host: str, port: int, faults: FaultCounter, sender: str = "") -> None:
-        self._faults, self._sender = faults, sender
-        self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        self.address: tuple[str, int] = _bound(self._listener, host, port)
-        self._listener.listen()
-        self._peer: tuple[socket.socket, str] | None = None
-
-    def receive(self, timeout: float) -> list[Packet]:
-        sockets = [self._listener, *([self._peer[0]] if self._peer else [])]
-        ready = select.select(sockets, [], [], max(timeout, 0))[0]
-        if self._listener in ready:
-            self._accept()
-        if self._peer is None or self._peer[0] not in ready:
-            return []
-        peer, name = self._peer
-        try:
-            data = peer.recv(CHUNK)
-        except OSError:
-            data = b""
-        if not data:
-            self._hang_up()
-        return [Packet(data, name, time.monotonic())]
-
-    def _accept(self) -> None:
-        peer, (host, port) = self._listener.accept()
-        if host != (self._sender or host):
-            self._faults.note(Fault.OTHER_SENDER, f"{host}:{port}; only {self._sender} may connect")
-            peer.close()
-        elif self._peer is None:
-            self._peer = peer, f"{host}:{port}"
-        else:
-            self._faults.note(Fault.OTHER_SENDER, f"{host}:{port} was refused, {self._peer[1]} is connected")
-            peer.close()
-
-    def _hang_up(self) -> None:
-        if self._peer is not None:
-            self._peer[0].close()
-            self._peer = None
-
-    def close(self) -> None:
-        self._hang_up()
-        self._listener.close()
-
-
 class StdinPort:
     """Standard input until its end."""
 
     ended = False
-
-    ended: bool
 
     def __init__(self) -> None:
         self._handle = sys.stdin.fileno()

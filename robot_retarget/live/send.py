@@ -7,7 +7,6 @@ from itertools import count
 from threading import Event
 from urllib.parse import urlsplit
 
-import numpy as np
 from pythonosc.osc_bundle import OscBundle
 from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
 from pythonosc.osc_message_builder import OscMessageBuilder
@@ -15,7 +14,7 @@ from pythonosc.osc_message_builder import OscMessageBuilder
 from robot_retarget.base.errors import UsageError, known
 from robot_retarget.human.motion import Motion
 from robot_retarget.live.bones import humanoid, unity_place, unity_turn
-from robot_retarget.live.messages import line_of, packed, skeleton_line
+from robot_retarget.live.messages import line_of, skeleton_line
 from robot_retarget.live.vmc import BONE, OK, PORT, ROOT, TIME
 
 Packets = Callable[[int, float], list[bytes]]
@@ -27,7 +26,7 @@ BONES_AT_ONCE = 12
 
 
 def sending(motion: Motion, target: str) -> tuple[Packets, tuple[str, int]]:
-    """Return the encoder and the address of a target: `vmc://HOST:PORT`, `json://HOST:PORT` or `floats://HOST:PORT`.
+    """Return the encoder and the address of a target: `vmc://HOST:PORT` or `json://HOST:PORT`.
 
     Raises:
         UsageError: the target is invalid, or the motion lacks the rotations that the protocol needs.
@@ -139,11 +138,4 @@ def _lines(motion: Motion) -> Packets:
     return packets
 
 
-def _floats(motion: Motion) -> Packets:
-    rows = (
-        motion.positions if motion.rotations is None else np.concatenate([motion.positions, motion.rotations], axis=2)
-    )
-    return lambda t, time: [packed(time, rows[t])]
-
-
-PROTOCOLS: dict[str, Callable[[Motion], Packets]] = {"vmc": _vmc, "json": _lines, "floats": _floats}
+PROTOCOLS: dict[str, Callable[[Motion], Packets]] = {"vmc": _vmc, "json": _lines}

@@ -16,7 +16,7 @@ from robot_retarget.base.errors import ServoError
 from robot_retarget.judge.playback import PlayedPlant
 from robot_retarget.judge.rollout import plant_of
 from robot_retarget.live.guard import SelfCollisionGuard
-from robot_retarget.live.loop import LivePose, Loop, StreamStats, status_name
+from robot_retarget.live.loop import LivePose, Loop, StreamStats
 from robot_retarget.robot import Robot
 from robot_retarget.servo.live import TargetStream, follow
 from robot_retarget.servo.outcome import PlaybackOutcome
@@ -31,7 +31,7 @@ class LineSink:
 
     def show(self, pose: LivePose) -> None:
         row = {"time": round(pose.time, 6), "qpos": pose.qpos.round(6).tolist()}
-        row |= {"status": status_name(pose.status), "age": round(pose.age, 4)}
+        row |= {"status": pose.status.name.lower(), "age": round(pose.age, 4)}
         row |= {"bodies": {name: p.round(6).tolist() for name, p in pose.bodies.items()}} if pose.bodies else {}
         self._out.write(json.dumps(row) + "\n")
         self._out.flush()

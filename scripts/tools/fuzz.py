@@ -256,11 +256,11 @@ iyz="0"/></inertial><collision><geometry><box size=".1 .1 .1"/></geometry></coll
 
 
 def live_target(folder: Path, more: list[Path]) -> Target:
-    """Packets of performers: VMC, lines of JSON, floats."""
+    """Packets of performers: VMC, lines of JSON."""
     from robot_retarget.base.files import SAMPLES
     from robot_retarget.human.read import read_motion
     from robot_retarget.live.frame import FaultCounter, RefusedError
-    from robot_retarget.live.messages import FloatDecoder, LineDecoder
+    from robot_retarget.live.messages import LineDecoder
     from robot_retarget.live.receiver import Decoder
     from robot_retarget.live.send import PROTOCOLS
     from robot_retarget.live.vmc import VmcDecoder
@@ -277,7 +277,6 @@ def live_target(folder: Path, more: list[Path]) -> Target:
         makers: dict[str, Callable[[], Decoder]] = {
             "vmc": lambda: VmcDecoder(faults),
             "json": lambda: LineDecoder(faults, None, True),
-            "floats": lambda: FloatDecoder(faults, motion.skeleton, True),
         }
         decoder = makers[path.stem]()
         for k, packet in enumerate(path.read_bytes().split(b"\0\0\0\0\0\0\0\0BREAK")):

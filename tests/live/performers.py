@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from threading import Event, Thread
 from typing import Any
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.files import SAMPLES
+from robot_retarget.graph.track import Status
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import read_motion
 from robot_retarget.human.skeleton import Skeleton
@@ -19,6 +19,7 @@ from robot_retarget.live.ports import Packet, UdpPort
 from robot_retarget.live.receiver import Decoder, Receiver
 from robot_retarget.live.send import send
 from robot_retarget.robot import Robot
+from robot_retarget.solver.stream import StreamPose as Answer
 
 HOST = "127.0.0.1"
 
@@ -56,16 +57,6 @@ class Script:
         self.ended = True
 
 
-@dataclass(frozen=True)
-class Answer:
-    qpos: Floats
-    time: float
-    status: str
-    age: float
-    bodies: Mapping[str, Floats] = field(default_factory=dict)
-    size: float = 1.0
-
-
 class Swing:
     """A stream that is no solver: the arms follow the height of the performer's hands, as far as they may turn in the time."""
 
@@ -90,10 +81,10 @@ class Swing:
         wish[self.robot.qpos_index[arms]] += 0.5 * np.sin(3 * positions[self.hands, 2].mean())
         self.pushed.append(time)
         self._go(wish, time)
-        return Answer(self.qpos.copy(), time, "converged", 0.0)
+        return Answer(self.qpos.copy(), time, Status.CONVERGED, 0.0)
 
     def hold(self, time: float) -> Answer:
-        return Answer(self.qpos.copy(), self.time, "held", time - self.time)
+        return Answer(self.qpos.copy(), self.time, Status.HELD, time - self.time)
 
     def _go(self, wish: Floats, time: float) -> None:
         reach = 3.0 * min(max(time - self.time, 0.0), 0.1)

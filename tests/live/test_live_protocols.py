@@ -1,4 +1,4 @@
-"""What is sent is what arrives: VMC, lines of JSON and packed floats, checked against the motion and by hand."""
+"""What is sent is what arrives: VMC and lines of JSON, checked against the motion and by hand."""
 
 import json
 import struct
@@ -26,7 +26,7 @@ from robot_retarget.live.bones import (
     unity_turn,
 )
 from robot_retarget.live.frame import FaultCounter, Frame
-from robot_retarget.live.messages import FloatDecoder, LineDecoder
+from robot_retarget.live.messages import LineDecoder
 from robot_retarget.live.receiver import Decoder
 from robot_retarget.live.send import PROTOCOLS, sending
 from robot_retarget.live.vmc import VmcDecoder
@@ -71,14 +71,12 @@ def test_ahead_left_and_up_are_where_unity_has_them() -> None:
     assert (np.array([ahead, left, up]) == np.eye(3)).all()
 
 
-@pytest.mark.parametrize("protocol", ["json", "floats"])
 @pytest.mark.parametrize("turned", [True, False])
-def test_positions_and_rotations_arrive_as_they_were_sent(protocol: str, turned: bool) -> None:
+def test_positions_and_rotations_arrive_as_they_were_sent(turned: bool) -> None:
     motion = clip()
     motion = motion if turned else Motion(motion.skeleton, motion.positions, None, motion.fps)
     faults = FaultCounter()
-    decoder = LineDecoder(faults, whole=True) if protocol == "json" else FloatDecoder(faults, motion.skeleton, True)
-    frames = sent(decoder, motion, protocol)
+    frames = sent(LineDecoder(faults, whole=True), motion, "json")
     assert len(frames) == 10 and not faults.counts
     for t, frame in enumerate(frames):
         assert np.allclose(frame.positions, motion.positions[t], atol=2e-5)

@@ -12,6 +12,7 @@ from performers import Answer, Swing, clip
 
 from robot_retarget.actuators.map import Servo, ServoMap, load_map
 from robot_retarget.base.errors import MotionError, ServoError
+from robot_retarget.graph.track import Status
 from robot_retarget.live.frame import FaultCounter
 from robot_retarget.live.loop import Loop
 from robot_retarget.live.motion_files import Replay, load_calibration, save_calibration
@@ -27,7 +28,7 @@ OP3 = load_robot("op3")
 
 def test_a_line_holds_the_pose_and_whose_it_is() -> None:
     out = io.StringIO()
-    LineSink(out).show(Answer(OP3.standing(), 1.25, "converged", 0.004))
+    LineSink(out).show(Answer(OP3.standing(), 1.25, Status.CONVERGED, 0.004))
     row = json.loads(out.getvalue())
     assert row["time"] == 1.25 and row["status"] == "converged" and row["age"] == 0.004
     assert np.allclose(row["qpos"], OP3.standing(), atol=1e-6)
@@ -93,7 +94,7 @@ def test_goals_of_servos_keep_links_apart_whatever_the_stream_asks_for() -> None
     stream = wander(OP3, 40, 10.0).qpos
     qpos = np.tile(OP3.standing(), (len(stream), 1))
     for k, pose in enumerate(stream):
-        sink.show(Answer(pose, k / 10, "converged", 0.0))
+        sink.show(Answer(pose, k / 10, Status.CONVERGED, 0.0))
         target = pose[OP3.qpos_index[columns]]
         goal = guard.aim(target, 0.1)
         guard.record(goal, target, goal, 0.1)

@@ -23,11 +23,8 @@ def run(*words: str) -> subprocess.CompletedProcess[str]:
     [
         ((), "needs --robot"),
         (("--robot", "op3", "--to", "mars"), "known: stdout, view, mujoco, servos"),
-        (("--robot", "op3", "--from", "nowhere.bvh"), "neither a motion file nor one of vmc, json, floats"),
+        (("--robot", "op3", "--from", "nowhere.bvh"), "neither a motion file nor one of vmc, json"),
         (("--robot", "op3", "--from", WAVE, "--port", "9"), "--port applies to received frames"),
-        (("--robot", "op3", "--from", "floats"), "--skeleton FILE"),
-        (("--robot", "op3", "--from", "vmc", "--tcp"), "vmc is UDP"),
-        (("--robot", "op3", "--from", "json", "--tcp"), "--tcp needs --port"),
         (("--robot", "op3", "--from", WAVE, "--to", "servos"), "--serial"),
         (("--robot", "nobody", "--from", WAVE), "nobody"),
         (("--robot", "op3", "--from", WAVE, "--sender", HOST), "--sender applies to received frames"),

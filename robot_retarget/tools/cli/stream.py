@@ -39,17 +39,13 @@ class StreamInputOptions:
     """Where frames come from."""
 
     source: str = option(
-        "vmc, json, floats, xrt, isaac, or a motion file, which is played in real time.", "--from", default="vmc"
+        "vmc, json, xrt, isaac, or a motion file, which is played in real time.", "--from", default="vmc"
     )
-    port: int | None = option(
-        "Where to listen: UDP; 39539 for vmc. json and floats come from stdin without.", default=None
-    )
+    port: int | None = option("Where to listen: UDP; 39539 for vmc. json comes from stdin without.", default=None)
     host: str = option(
         "Address to listen at: this machine only by default, 0.0.0.0 for a whole network.", default="127.0.0.1"
     )
     sender: str = option("Address of the only machine that may send; by default any.", default="")
-    tcp: bool = option("json and floats over TCP, not UDP.", "--tcp", default=False)
-    skeleton: Path | None = option("Motion file with the joints of the floats protocol.", default=None)
     speed: float = option("Of a motion file: times its own speed.", default=1.0)
 
 
@@ -58,7 +54,7 @@ class StreamOutputOptions:
     """What poses are for."""
 
     target: str = option(
-        "stdout, view, mujoco or servos; with --send vmc://HOST:PORT, json://… or floats://….", "--to", default="stdout"
+        "stdout, view, mujoco or servos; with --send vmc://HOST:PORT or json://….", "--to", default="stdout"
     )
     servos: str | None = option(
         "Servo map (.toml) or a shipped robot's; by default the robot's own.", "--servos", "-s", default=None
@@ -217,14 +213,14 @@ def _to_page(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str, An
 
 def _heard_at(source: "FrameSource") -> str:
     """Return where frames come from, or the address that a performer sends them to."""
-    from robot_retarget.live.ports import TcpPort, UdpPort
+    from robot_retarget.live.ports import UdpPort
     from robot_retarget.live.receiver import Receiver
 
     port = source.port if isinstance(source, Receiver) else None
-    if not isinstance(port, UdpPort | TcpPort):
+    if not isinstance(port, UdpPort):
         return "standard input" if port else "a headset" if source.skeleton is None else "a file"
     host, number = port.address
-    return f"{'UDP' if isinstance(port, UdpPort) else 'TCP'} {_reachable(host)}:{number}"
+    return f"UDP {_reachable(host)}:{number}"
 
 
 def _reachable(host: str) -> str:
