@@ -55,7 +55,7 @@ LIBRARIES = {
     "rich": ("tools/cli/console.py", "tools/cli/console.py"),
     "jinja2": ("base/pages.py",),
     "ray": ("tools/batch/pool.py",),
-    "pyarrow": ("tools/batch/report.py", "base/untrusted/tables.py"),
+    "pyarrow": ("base/untrusted/tables.py",),
     "pythonosc": ("live/send.py",),
     "matplotlib": ("tools/view/",),
     "ezc3d": ("human/readers/c3d_child.py",),

@@ -13,7 +13,6 @@ import os
 import random
 import shutil
 import signal
-import sqlite3
 import subprocess
 import sys
 import tempfile
@@ -21,7 +20,7 @@ import time
 from pathlib import Path
 
 import robot_retarget as rr
-from robot_retarget.tools.batch.manifest import INDEX, NAME
+from robot_retarget.tools.batch.manifest import INDEX, TIMES
 
 AMASS = 4.3e6
 """Frames of AMASS at 30 frames/s."""
@@ -107,11 +106,10 @@ def timed(clips: Path, out: Path, robots: list[str], jobs: int) -> float:
     subprocess.run(command(clips, out, robots, jobs), check=False, capture_output=True)
     seconds = time.monotonic() - began
     rows = [json.loads(line) for line in (out / INDEX).read_text().splitlines()]
-    with sqlite3.connect(out / NAME) as base:
-        times = base.execute("SELECT robot, clip, seconds, peak_mb FROM timings").fetchall()
+    times = [json.loads(line) for line in (out / TIMES).read_text().splitlines()]
     frames = sum(row["frames"] for row in rows)
     done = sum(row["state"] == "done" for row in rows)
-    busy, peak = sum(row[2] for row in times), max(row[3] for row in times)
+    busy, peak = sum(row["seconds"] for row in times), max(row["peak_mb"] for row in times)
     print(
         f"{jobs} processes: {done} of {len(rows)} done in {seconds:.1f} s, {len(rows) / seconds:.2f} clips/s, {frames / seconds:.0f} "
         f"frames/s, {frames / busy:.0f} frames/s a core, at most {peak:.0f} MB a process; AMASS {AMASS / (frames / busy) / 3600:.0f} core-hours"

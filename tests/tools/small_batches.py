@@ -55,14 +55,14 @@ def run(job: Job, engine: Engine = here, stop_after: int | None = None) -> tuple
     def stopping() -> bool:
         return stop_after is not None and len(reported) >= stop_after
 
-    with locked_folder(job.out) as out, Manifest(out) as manifest:
+    with locked_folder(job.out) as out:
+        manifest = Manifest(out)
         ended = perform_all(plan_of(job, manifest), manifest, job, engine, reported.append, stopping)
     return ended, reported
 
 
 def rows_of(out: Path) -> list[Row]:
-    with Manifest(out) as manifest:
-        return list(manifest.rows())
+    return list(Manifest(out).rows())
 
 
 def contents(out: Path) -> dict[str, bytes]:
@@ -70,5 +70,5 @@ def contents(out: Path) -> dict[str, bytes]:
     return {
         path.relative_to(out).as_posix(): path.read_bytes()
         for path in sorted(out.rglob("*"))
-        if path.is_file() and not path.name.startswith((".", "manifest.sqlite"))
+        if path.is_file() and not path.name.startswith((".", "times.jsonl"))
     }

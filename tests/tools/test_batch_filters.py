@@ -1,4 +1,4 @@
-"""Filters, near-duplicates, summaries and packed files."""
+"""Filters, summaries and packed files."""
 
 import csv
 import os
@@ -14,7 +14,7 @@ import robot_retarget as rr
 from robot_retarget.base.errors import UsageError
 from robot_retarget.base.untrusted.pickles import load_pickle
 from robot_retarget.scores.score import FIGURES
-from robot_retarget.tools.batch.filters import Chosen, choose, near_duplicates, read_filters
+from robot_retarget.tools.batch.filters import Chosen, choose, read_filters
 from robot_retarget.tools.batch.report import ClipCard, examples_of, pack_all, reasons_of, save_page, write_reports
 from robot_retarget.tools.batch.task import Row
 
@@ -77,14 +77,6 @@ def test_a_broken_filter_file_is_refused(text: str, expected: str, tmp_path: Pat
         read_filters(tmp_path / "f.toml")
 
 
-def test_near_duplicates_are_clips_of_like_motion_and_length() -> None:
-    rng = np.random.default_rng(1)
-    rows = [replace(row(str(k)), signature=tuple(rng.normal(0, 0.3, 40))) for k in range(50)]
-    twin = replace(rows[7], clip="twin", signature=tuple(np.add(rows[7].signature, 0.004)))
-    longer = replace(rows[8], clip="longer", frames=60)
-    assert near_duplicates([*rows, twin, longer]) == [("op3", "7", "twin")]
-
-
 def test_reports_and_packed_files_hold_every_clip(tmp_path: Path) -> None:
     job = job_of(cut_clips(tmp_path / "clips"), tmp_path / "out")
     run(job)
@@ -114,15 +106,6 @@ def test_reports_and_packed_files_hold_every_clip(tmp_path: Path) -> None:
     assert list(load_pickle(job.out / "packed/op3-phc.pkl")) == ["clap", "walk", "wave"]
 
 
-def test_parquet_holds_the_same_table(tmp_path: Path) -> None:
-    parquet = pytest.importorskip("pyarrow.parquet", reason="needs pyarrow")
-    from robot_retarget.tools.batch.report import save_parquet
-
-    save_parquet([row("a", speed_p99=1.5), row("b")], tmp_path / "t.parquet")
-    table = parquet.read_table(tmp_path / "t.parquet").to_pydict()
-    assert table["clip"] == ["a", "b"] and table["speed_p99"] == [1.5, None]
-
-
 def judged_rows() -> tuple[list[Row], list[Chosen]]:
     """Rows of which one passes, one fails, and others are left out with reasons."""
     rows = [
@@ -142,7 +125,7 @@ def test_the_page_gives_each_clip_its_reasons_and_each_filter_theirs(tmp_path: P
             assert all(any(said.startswith(reason) for said in by_clip[left.key]) for reason in reasons)
     examples = examples_of(rows, chosen, 2)
     assert {left.clip for left, _ in examples} == {"walks", "sinks", "calm"}
-    text = save_page(rows, chosen, [ClipCard(*one, None, None) for one in examples], 0, tmp_path / "s.html").read_text()
+    text = save_page(rows, chosen, [ClipCard(*one, None, None) for one in examples], tmp_path / "s.html").read_text()
     assert "flight_pct above 2" in text and "flight_pct 30 % is above 2" in text and "no human: 2 joints" in text
     assert "physics_score" not in text and " best " not in text
 
@@ -151,7 +134,7 @@ def test_the_page_gives_each_clip_its_reasons_and_each_filter_theirs(tmp_path: P
 def test_the_page_of_a_batch_fits_a_telephone(tmp_path: Path) -> None:
     rows, chosen = judged_rows()
     cards = [ClipCard(*one, None, None) for one in examples_of(rows, chosen, 2)]
-    page = save_page(rows, chosen, cards, 0, tmp_path / "summary.html")
+    page = save_page(rows, chosen, cards, tmp_path / "summary.html")
     with tab() as browser:
         for width in (390, 1200):
             size = {"width": width, "height": 1500, "deviceScaleFactor": 1, "mobile": width < 640}

@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Iterator, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +45,7 @@ def done(clips: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, byt
 def test_a_cluster_writes_the_same_bytes_and_a_lost_node_loses_nothing(
     nodes: Any, clips: Path, done: dict[str, bytes], tmp_path: Path
 ) -> None:
-    run(job_of(clips, tmp_path / "whole"), partial(run_ray, address=None))
+    run(job_of(clips, tmp_path / "whole"), run_ray)
     assert contents(tmp_path / "whole") == done
 
     def losing(tasks: Sequence[Task], allowance: Allowance, report: Report, stopping: Stopping) -> None:
@@ -58,7 +57,7 @@ def test_a_cluster_writes_the_same_bytes_and_a_lost_node_loses_nothing(
                 nodes.remove_node(nodes.second, allow_graceful=False)
                 nodes.second = None
 
-        run_ray(tasks, allowance, reported, stopping, address=None)
+        run_ray(tasks, allowance, reported, stopping)
 
     ended, _ = run(job_of(clips, tmp_path / "lost"), losing)
     assert nodes.second is None and ended.states == {"done": 4}

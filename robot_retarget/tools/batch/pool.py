@@ -154,16 +154,11 @@ if __name__ == "__main__":
 # The engine `ray`: the same task function on the nodes of a Ray cluster.
 
 
-def run_ray(
-    tasks: Sequence[Task], allowance: Allowance, report: Report, stopping: Stopping, address: str | None
-) -> None:
-    """Perform tasks on a cluster; the folder of results must be one that all nodes share.
+def run_ray(tasks: Sequence[Task], allowance: Allowance, report: Report, stopping: Stopping) -> None:
+    """Perform tasks on the cluster of `RAY_ADDRESS`, or of this machine alone; all nodes share the folder of results.
 
     A task on a node that is lost is tried again elsewhere. A task that takes too long is cancelled; memory is bounded by
     Ray's own limit.
-
-    Args:
-        address: of the cluster; None starts Ray on this machine.
 
     Raises:
         UsageError: Ray is not installed.
@@ -172,7 +167,7 @@ def run_ray(
     began = not ray.is_initialized()
     if began:
         environment = {"env_vars": dict.fromkeys(THREADS, "1")}
-        ray.init(address=address, runtime_env=environment, include_dashboard=False, log_to_driver=False)
+        ray.init(runtime_env=environment, include_dashboard=False, log_to_driver=False)
     remote = ray.remote(num_cpus=1, max_retries=allowance.attempts - 1, memory=None)(perform)
     try:
         _drive(ray, remote, deque(tasks), allowance, report, stopping)

@@ -1,4 +1,4 @@
-"""Everything that a run writes at its end: summary, lists of filters, near-duplicates, pictures of examples."""
+"""Everything that a run writes at its end: summary, lists of filters, pictures of examples."""
 
 import re
 from collections import Counter
@@ -17,7 +17,7 @@ from robot_retarget.base.untrusted.pickles import dump_pickle, load_pickle
 from robot_retarget.formats import FORMATS, FormatOptions
 from robot_retarget.formats.robot_motion import RobotMotion, robot_motion
 from robot_retarget.scores.score import FIGURES
-from robot_retarget.tools.batch.filters import Chosen, Filter, choose, near_duplicates
+from robot_retarget.tools.batch.filters import Chosen, Filter, choose
 from robot_retarget.tools.batch.task import DONE, Job, Row, robot_of
 from robot_retarget.tools.view.page import STYLE
 from robot_retarget.trajectory import load_trajectory
@@ -44,18 +44,15 @@ class ClipCard:
     viewer: str | None
 
 
-def save_page(
-    rows: Sequence[Row], chosen: Sequence[Chosen], cards: Sequence[ClipCard], duplicates: int, path: Path
-) -> Path:
+def save_page(rows: Sequence[Row], chosen: Sequence[Chosen], cards: Sequence[ClipCard], path: Path) -> Path:
     """Write the page, whole or not at all."""
     states = Counter(row.state for row in rows)
-    frames = sum(row.frames for row in rows)
     reasons = reasons_of(chosen)
     page = rendered(
         TEMPLATE,
         style=STYLE.read_text(encoding="utf-8"),
         headline=f"{len(rows)} clips × robots: " + ", ".join(f"{n} {state}" for state, n in sorted(states.items())),
-        frames=f"{frames:,} frames; {duplicates} pairs of near-duplicates",
+        frames=f"{sum(row.frames for row in rows):,} frames",
         filters=[_filter(one) for one in chosen],
         width=WIDTH,
         height=HEIGHT,
@@ -124,57 +121,36 @@ def _histogram(rows: Sequence[Row], name: str) -> dict[str, object] | None:
     return {"name": name, "what": figure.what, "unit": figure.unit, "shares": counts / counts.max(), "range": range_}
 
 
-# The results as tables: `summary.csv`, and `summary.parquet` if pyarrow is installed.
+# The results as a table: `summary.csv`.
 
 FACTS = ("robot", "clip", "state", "message", "frames", "fps", "licence", "source", "path", "output_sha256")
 
 
 def save_csv(rows: Iterable[Row], path: Path) -> Path:
     """A line for each clip on each robot: facts, then figures, in the order of the table."""
-    lines = ([*(getattr(r, fact) for fact in FACTS), *(_cell(r, name) for name in FIGURES)] for r in rows)
+    lines = (
+        [*(getattr(r, fact) for fact in FACTS), *("" if (v := r.figures.get(name)) is None else v for name in FIGURES)]
+        for r in rows
+    )
     return write_csv(path, (*FACTS, *FIGURES), lines)
-
-
-def save_parquet(rows: Sequence[Row], path: Path) -> Path | None:
-    """The same table as Parquet; None if pyarrow is not installed."""
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError:
-        return None
-    columns: dict[str, Any] = {fact: [getattr(row, fact) for row in rows] for fact in FACTS}
-    for name in FIGURES:
-        values = [row.figures.get(name) for row in rows]
-        columns[name] = pyarrow.array([None if v is None else float(v) for v in values], pyarrow.float64())
-    with replacing(path) as scratch:
-        pyarrow.parquet.write_table(pyarrow.table(columns), scratch)
-    return path
-
-
-def _cell(row: Row, figure: str) -> Any:
-    value = row.figures.get(figure)
-    return "" if value is None else value
 
 
 LISTS, PICTURES = "lists", "pictures"
 
 
 def write_reports(rows: Sequence[Row], filters: Sequence[Filter], job: Job, pictures: int) -> list[Chosen]:
-    """Write `summary.csv`, `summary.parquet`, `summary.html`, `lists/` and `pictures/` into the folder of results.
+    """Write `summary.csv`, `summary.html`, `lists/` and `pictures/` into the folder of results.
 
     Args:
         pictures: how many clips that are left out, and how many that pass, get a strip and a viewer.
     """
     out = job.out
     save_csv(rows, out / "summary.csv")
-    save_parquet(rows, out / "summary.parquet")
     chosen = [choose(rows, one) for one in filters]
     for one in chosen:
         _save_lists(one, folder(out / LISTS))
-    pairs = near_duplicates(rows)
-    write_csv(folder(out / LISTS) / "near_duplicates.csv", ("robot", "clip", "like"), pairs)
     shown = [_pictured(row, why, job) for row, why in examples_of(rows, chosen, pictures)]
-    save_page(rows, chosen, shown, len(pairs), out / "summary.html")
+    save_page(rows, chosen, shown, out / "summary.html")
     return chosen
 
 

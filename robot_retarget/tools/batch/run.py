@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 
-from robot_retarget.base.errors import OutputError, RobotRetargetError, UsageError
+from robot_retarget.base.errors import OutputError, UsageError
 from robot_retarget.robot.model import robot_sha256
 from robot_retarget.tools.batch.clips import MotionFile, find_clips
 from robot_retarget.tools.batch.manifest import COLUMNS, Manifest
@@ -22,7 +22,6 @@ from robot_retarget.tools.batch.task import (
     Task,
     TaskResult,
     robot_of,
-    sha256_of,
 )
 
 Engine = Callable[[Sequence[Task], Allowance, Report, Stopping], None]
@@ -92,7 +91,7 @@ def plan_of(job: Job, manifest: Manifest) -> RunPlan:
     there = {row.key: row for row in manifest.rows()}
     digests, tasks, outdated = dict[tuple[str, str], str](), list[Task](), 0
     for clip in clips:
-        content = " ".join(_hashed(path, manifest) for path in clip.files)
+        content = " ".join(map(manifest.sha256, clip.files))
         for robot, name in robots.items():
             digest = sha256(f"{content} {made_by[robot]}".encode()).hexdigest()
             digests[robot, clip.name] = digest
@@ -145,17 +144,6 @@ def _require_distinct_images(clips: Sequence[MotionFile], settings: Settings) ->
             )
 
 
-def _hashed(path: Path, manifest: Manifest) -> str:
-    known = manifest.known_sha256(path)
-    if known is None:
-        try:
-            known = sha256_of(path)
-        except OSError:  # reading it fails later, with a sentence
-            return "unreadable"
-        manifest.note_sha256(path, known)
-    return known
-
-
 def _is_kept(row: Row, clip: MotionFile, task: Task, retry: tuple[str, ...], manifest: Manifest) -> bool:
     """Whether a row stays: a failure that is not retried, or an output that is as it was written.
 
@@ -163,7 +151,7 @@ def _is_kept(row: Row, clip: MotionFile, task: Task, retry: tuple[str, ...], man
     """
     if row.state != DONE:
         return row.state not in retry
-    if not task.output.is_file() or _hashed(task.output, manifest) != row.output_sha256:
+    if not task.output.is_file() or manifest.sha256(task.output) != row.output_sha256:
         return False
     now = replace(row, path=str(clip.path), licence=clip.licence, source=clip.source)
     if now != row:
@@ -174,64 +162,3 @@ def _is_kept(row: Row, clip: MotionFile, task: Task, retry: tuple[str, ...], man
 def _row(outcome: TaskResult, clip: MotionFile) -> Row:
     common = {name: getattr(outcome, name) for name in COLUMNS}
     return replace(Row(**common), path=str(clip.path), licence=clip.licence, source=clip.source)
-
-
-# How long a run will take, before it begins.
-
-SAMPLED = 12
-"""Clips that are read to learn how many seconds of motion a byte holds."""
-PACE = 2.0
-"""Seconds of motion that a core retargets and scores in a second, where no clip of the folder is timed yet: G1 at 30 frames/s."""
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """Of the tasks that are left."""
-
-    tasks: int
-    kept: int
-    motion_seconds: float
-    """Of all tasks together, each robot counted."""
-    core_seconds: float
-    measured: bool
-    """Whether the pace is that of this folder's earlier clips."""
-
-    def hours(self, jobs: int) -> float:
-        """Duration on `jobs` processes [h]."""
-        return self.core_seconds / jobs / 3600
-
-
-def estimate(plan: RunPlan, manifest: Manifest) -> Estimate:
-    """Estimate a plan from a sample of its clips and from the times in the manifest."""
-    paths = sorted({task.path for task in plan.tasks})
-    chosen = (
-        [Path(paths[k * len(paths) // SAMPLED]) for k in range(SAMPLED)]
-        if len(paths) > SAMPLED
-        else [*map(Path, paths)]
-    )
-    lengths = [(path.stat().st_size, length) for path in chosen if (length := _length(path)) is not None]
-    size = sum(bytes_ for bytes_, _ in lengths)
-    per_byte = sum(length for _, length in lengths) / size if size else 0.0
-    motion = sum(Path(task.path).stat().st_size for task in plan.tasks) * per_byte
-    pace = _pace(manifest)
-    return Estimate(len(plan.tasks), plan.kept, motion, motion / (pace or PACE), pace is not None)
-
-
-def _length(path: Path) -> float | None:
-    """Seconds of motion in a file; None where it cannot be read."""
-    from robot_retarget.human.read import read_motion
-
-    try:
-        return read_motion(path, repair=False).duration
-    except RobotRetargetError:
-        return None
-
-
-def _pace(manifest: Manifest) -> float | None:
-    """Seconds of motion a core does in a second, over the clips that are done."""
-    times = manifest.timings()
-    done: Sequence[tuple[float, float]] = [
-        (row.frames / row.fps, times[row.key][0]) for row in manifest.rows() if row.frames and row.key in times
-    ]
-    spent = sum(seconds for _, seconds in done)
-    return sum(motion for motion, _ in done) / spent if spent else None

@@ -11,8 +11,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from robot_retarget import __version__
 from robot_retarget.base.choices import Balance, Legs, Preset
 from robot_retarget.base.errors import OutputError, RobotRetargetError
@@ -165,8 +163,6 @@ class Row:
     fps: float = 0.0
     figures: dict[str, Any] = field(default_factory=dict)
     output_sha256: str = ""
-    signature: tuple[float, ...] = ()
-    """Mean and deviation of every hinge [rad], by which near-duplicates are found."""
     path: str = ""
     licence: str = ""
     source: str = ""
@@ -223,10 +219,7 @@ def _made(task: Task) -> dict[str, Any]:
     if task.kept is not None:
         trajectory = load_trajectory(task.output)
         _write_further(task, trajectory, robot_of(task.robot, settings.limits))
-        return {
-            name: getattr(task.kept, name)
-            for name in ("message", "frames", "fps", "figures", "output_sha256", "signature")
-        }
+        return {name: getattr(task.kept, name) for name in ("message", "frames", "fps", "figures", "output_sha256")}
     robot = freeze(robot_of(task.robot, settings.limits), settings.freeze, settings.only)
     motion = part_of(read_motion(task.path, up=settings.up, repair=settings.repair), settings.frames)
     trajectory, notes = _retargeted(motion, robot, settings)
@@ -239,7 +232,6 @@ def _made(task: Task) -> dict[str, Any]:
         "fps": trajectory.fps,
         "figures": dict(found.figures),
         "output_sha256": sha256_of(task.output),
-        "signature": _signature(trajectory, robot),
     }
 
 
@@ -288,8 +280,3 @@ def _folder(target: Path) -> None:
         target.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"cannot make the folder {target.parent}: {error.strerror or error}") from error
-
-
-def _signature(trajectory: "Trajectory", robot: "Robot") -> tuple[float, ...]:
-    angles = trajectory.qpos[:, robot.qpos_index]
-    return tuple(round(float(value), 3) + 0.0 for value in np.concatenate([angles.mean(axis=0), angles.std(axis=0)]))

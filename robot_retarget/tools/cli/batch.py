@@ -27,7 +27,7 @@ from robot_retarget.tools.cli.options import (
 
 if TYPE_CHECKING:
     from robot_retarget.tools.batch.filters import Chosen, Filter
-    from robot_retarget.tools.batch.run import Engine, RunPlan, RunSummary
+    from robot_retarget.tools.batch.run import RunPlan, RunSummary
     from robot_retarget.tools.batch.task import Job, Settings, Shard
 
 MERGE = "merge"
@@ -45,16 +45,14 @@ class BatchOptions(FollowOptions, FreezeOptions, LimitOptions, RateOptions, MapO
     exclude: list[str] | None = option("Pattern of paths to leave out.", default=None)
     jobs: int = option("Processes, of one thread each.", "--jobs", "-j", default=os.cpu_count() or 1, min=1)
     engine: Literal["local", "ray"] = option(
-        "Processes of this machine, or a Ray cluster (extra cluster).", default="local"
+        "Processes of this machine, or a Ray cluster (extra cluster): that of RAY_ADDRESS, or one that starts here.",
+        default="local",
     )
-    address: str | None = option("Of the Ray cluster; without one, Ray starts here.", default=None)
     shard: str | None = option("I/N: every N-th clip, I from 0 to N - 1.", default=None)
     retry: list[str] | None = option(f"Repeat clips of a state: {', '.join(RETRIES)}.", default=None)
     timeout: float = option("Seconds that a clip may take.", default=3600.0, min=0.001)
     memory: float = option("GiB of memory that a process may take.", default=2.0, min=0.01)
-    dry_run: bool = option(
-        "Print the number of clips and an estimate of the time; run nothing.", "--dry-run", default=False
-    )
+    dry_run: bool = option("Print the number of clips; run nothing.", "--dry-run", default=False)
     format: list[str] | None = option("Additional format to write; see export --list.", "--format", "-f", default=None)
     pack: list[str] | None = option("Format to pack all clips into: locomujoco, phc (SONIC).", default=None)
     mirror: bool = option("Write the mirror image of every trajectory too.", "--mirror", default=False)
@@ -96,17 +94,29 @@ def batch(how: BatchOptions, printing: PrintOptions) -> None:
 
     A manifest lets a stopped run continue.
     """
+    from robot_retarget.formats import FORMATS
     from robot_retarget.tools.batch.filters import SHIPPED, read_filters
+    from robot_retarget.tools.batch.manifest import Manifest
+    from robot_retarget.tools.batch.report import PACKED
+    from robot_retarget.tools.batch.run import plan_of
 
     if how.folders[0] == Path(MERGE) and not how.folders[0].exists():
         _merge(how.folders[1:], how.out, printing)
         return
     if not how.robot:
         raise UsageError("--robot is missing: a shipped name (op3), an MJCF file, or a robot_descriptions name")
-    _require(how)
+    for name, given, names in (
+        ("format", how.format, FORMATS),
+        ("pack", how.pack, PACKED),
+        ("retry", how.retry, RETRIES),
+    ):
+        if strange := [each for each in given or () if each not in names]:
+            raise UsageError(f"--{name}: {strange[0]!r}; {known(names, 40, typed=strange[0])}")
     job, filters = how.job(), list(read_filters(how.filter_file or SHIPPED).values())
     if how.dry_run:
-        _estimate(job, how.jobs, printing)
+        plan = plan_of(job, Manifest(job.out))
+        facts = {"tasks": len(plan.tasks), "kept": plan.kept, "outdated": plan.outdated}
+        printing.result(facts, _plan_line(plan))
         return
     ended, chosen = _run(job, how, filters)
     _show(job, ended, chosen, printing)
@@ -117,23 +127,23 @@ def _run(job: "Job", how: BatchOptions, filters: "list[Filter]") -> "tuple[RunSu
     """Perform a job with a bar, stopped gently by the first Ctrl-C and at once by the second."""
     from robot_retarget.servo.host import Interrupts
     from robot_retarget.tools.batch.manifest import Manifest, locked_folder
+    from robot_retarget.tools.batch.pool import run_local, run_ray
     from robot_retarget.tools.batch.report import pack_all, write_reports
     from robot_retarget.tools.batch.run import perform_all, plan_of
     from robot_retarget.tools.cli.console import tally
 
     interrupts = Interrupts()
-    with locked_folder(job.out) as out, Manifest(out) as manifest:
-        for sentence in manifest.notes:
-            console.note(sentence)
+    with locked_folder(job.out) as out:
+        manifest = Manifest(out)
         plan = plan_of(job, manifest)
-        _say_plan(plan)
+        console.to_stderr(_plan_line(plan))
 
         def stopping() -> bool:
             if interrupts.count > 1:
                 raise KeyboardInterrupt(f"finished clips are kept in {out}; run it again to continue")
             return interrupts.count > 0
 
-        engine = _engine(how.engine, how.jobs, how.address)
+        engine = run_ray if how.engine == "ray" else partial(run_local, jobs=how.jobs)
         with interrupts.listening(), tally(len(plan.tasks), stopping) as report:
             ended = perform_all(plan, manifest, job, engine, lambda outcome: report(outcome.state == "done"), stopping)
         every = list(manifest.rows())
@@ -148,15 +158,9 @@ def _run(job: "Job", how: BatchOptions, filters: "list[Filter]") -> "tuple[RunSu
     return ended, chosen
 
 
-def _engine(name: str, jobs: int, address: str | None) -> "Engine":
-    from robot_retarget.tools.batch.pool import run_local, run_ray
-
-    return partial(run_ray, address=address) if name == "ray" else partial(run_local, jobs=jobs)
-
-
-def _say_plan(plan: "RunPlan") -> None:
+def _plan_line(plan: "RunPlan") -> str:
     anew = f", {plan.outdated} of them repeated: their clip or the settings changed" if plan.outdated else ""
-    console.to_stderr(f"{plan.total} clips × robots: {plan.kept} finished, {len(plan.tasks)} to do{anew}")
+    return f"{plan.total} clips × robots: {plan.kept} finished, {len(plan.tasks)} to do{anew}"
 
 
 def _show(job: "Job", ended: "RunSummary", chosen: "list[Chosen]", printing: PrintOptions) -> None:
@@ -175,23 +179,6 @@ def _show(job: "Job", ended: "RunSummary", chosen: "list[Chosen]", printing: Pri
     console.say(f"wrote summary.html, summary.csv, index.jsonl and lists/ in {job.out}")
 
 
-def _estimate(job: "Job", jobs: int, printing: PrintOptions) -> None:
-    """Print the number of tasks and their estimated duration. Only the manifest of an existing folder is touched."""
-    import tempfile
-
-    from robot_retarget.tools.batch.manifest import NAME, Manifest
-    from robot_retarget.tools.batch.run import estimate, plan_of
-
-    with tempfile.TemporaryDirectory() as scratch:
-        place = job.out if (job.out / NAME).is_file() else Path(scratch)
-        with Manifest(place) as manifest:
-            found = estimate(plan_of(job, manifest), manifest)
-    by = "measured on this folder" if found.measured else "a G1 at 30 frames/s on a core of 2.5 GHz"
-    hours = f"{found.motion_seconds / 3600:.2f} h of motion, about {found.hours(jobs):.2f} h on {jobs} processes ({by})"
-    facts = {**vars(found), "jobs": jobs, "hours": round(found.hours(jobs), 3)}
-    printing.result(facts, f"{found.tasks} clips × robots to do, {found.kept} finished\n{hours}")
-
-
 def _merge(parts: list[Path], out: Path, printing: PrintOptions) -> None:
     from robot_retarget.tools.batch.manifest import merge
 
@@ -199,17 +186,6 @@ def _merge(parts: list[Path], out: Path, printing: PrintOptions) -> None:
         raise UsageError("merge takes folders of results: batch merge A B --out ALL")
     count = merge(parts, out)
     printing.result({"out": str(out), "rows": count}, f"{count} rows in {out}; run batch on it again for the summary")
-
-
-def _require(how: BatchOptions) -> None:
-    from robot_retarget.formats import FORMATS
-    from robot_retarget.tools.batch.report import PACKED
-
-    lists = (("--format", how.format, FORMATS), ("--pack", how.pack, PACKED), ("--retry", how.retry, RETRIES))
-    for name, given, names in lists:
-        strange = [each for each in given or () if each not in names]
-        if strange:
-            raise UsageError(f"{name}: {strange[0]!r}; {known(names, 40, typed=strange[0])}")
 
 
 def _shard(text: str | None) -> "Shard":
