@@ -17,7 +17,7 @@ from robot_retarget.base.choices import Preset, Terrain, require_keywords
 from robot_retarget.base.errors import UsageError
 from robot_retarget.graph.added import added_edge, with_added
 from robot_retarget.graph.graph import Graph
-from robot_retarget.graph.kind import Kind, RetargetContext, StreamFrame, UnbalancedPhase
+from robot_retarget.graph.kind import GroundedPhase, Kind, RetargetContext, StreamFrame, UnbalancedPhase
 from robot_retarget.graph.kinds import clip_kinds
 from robot_retarget.graph.kinds.own import End
 from robot_retarget.graph.placed_scene import PlacedScene, captured_scene, pelvis_path
@@ -105,18 +105,24 @@ class RobotGraph(Graph):
         return replace(self, tracks=with_added(self.tracks, edge, self.fps, self.match.robot_leg))
 
     def balanced(self, share: float) -> "RobotGraph":
-        """Return the graph of a motion that balance follows, with less speed.
+        """Return the graph of a motion that balance follows, with less speed and without free fall.
 
         Args:
             share: of every bound on the speed of joints [-].
         """
+        human = replace(self.human, falls=None)
+        excess = pelvis_path(self.human, self.match)[:, 2] - pelvis_path(human, self.match)[:, 2]
+        pelvis = self.pelvis - excess[:, None] * [0.0, 0.0, 1.0]
+        phase = GroundedPhase(pelvis[:, 2], excess, self.fps)
         tracks = (
             track.bounded(share * track.lower, share * track.upper)
             if (track.role, track.stencil) == (Role.BOUND, STEP)
+            else track.kind.renewed(track, None, phase)
+            if excess.any()
             else track
             for track in self.tracks
         )
-        return replace(self, tracks=tuple(tracks))
+        return replace(self, human=human, pelvis=pelvis, tracks=tuple(tracks))
 
     def unbalanced(self) -> "RobotGraph":
         """Return the graph of a motion that no balance follows."""

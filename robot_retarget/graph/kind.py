@@ -5,7 +5,7 @@ A kind is one small class on `Kind`, and one line in `kinds/__init__.py` or an e
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -86,6 +86,23 @@ class Phase:
 
 class UnbalancedPhase(Phase):
     """No balance follows: the motion is judged by its likeness alone."""
+
+
+@dataclass(frozen=True, eq=False)
+class GroundedPhase(Phase):
+    """Balance follows: a playback keeps a foot on the ground, and flights have the human's height, scaled."""
+
+    height: Floats
+    """(T,) target height of the pelvis without free fall [m]."""
+    excess: Floats
+    """(T,) of free fall over it [m]."""
+    fps: float
+    """Frames per second [1/s]."""
+
+    def lowered(self, track: Track) -> Track:
+        """Return the targets of places without free fall."""
+        down = np.outer(self.excess, [axis == "z" for axis in track.axes])
+        return replace(track, lower=track.lower - down, upper=track.upper - down)
 
 
 class CoarsePhase(Phase):

@@ -9,7 +9,7 @@ from scipy.constants import g
 
 import robot_retarget as rr
 from robot_retarget.base.files import SAMPLES
-from robot_retarget.graph.describe import RobotGraph
+from robot_retarget.graph.describe import RobotGraph, graph_of
 
 BEGIN, TIME = 0.7, 0.4
 """Of a hop [s]."""
@@ -53,3 +53,17 @@ def test_the_solved_robot_falls_freely_between_take_off_and_landing() -> None:
     solved = rr.solve(graph.frames(first - 15, last + 15)).trajectory.qpos[15 : 15 + last - first, 2]
     acceleration = 2 * np.polyfit(np.arange(len(solved)) / graph.fps, solved, 2)[0]
     assert acceleration == pytest.approx(-g, rel=0.05)
+
+
+@pytest.mark.parametrize("robot", ["op3", "g1_class"])
+def test_balance_keeps_the_scaled_human_in_flights_and_the_users_edits(robot: str) -> None:
+    """The free fall of a small robot would be a jump that no playback on its feet has."""
+    graph = hop(robot)
+    assert graph.human.falls is not None
+    scaled = graph_of(graph.motion, replace(graph.human, falls=None), graph.robot, graph.weights)
+    balanced = graph.with_priority("path", 2.0).balanced(1.0)
+    np.testing.assert_allclose(balanced.pelvis, scaled.pelvis, atol=1e-12)
+    for name in ("path", "foothold", "smoothness"):
+        for found, expected in zip(balanced.kinds[name].intervals, scaled.kinds[name].intervals, strict=True):
+            np.testing.assert_allclose(found, expected, atol=1e-12)
+    np.testing.assert_array_equal(balanced.kinds["path"].priority, 2.0 * scaled.kinds["path"].priority)

@@ -26,6 +26,7 @@ from robot_retarget.graph.kind import (
     AXES,
     CoarsePhase,
     FrameTargets,
+    GroundedPhase,
     Kind,
     Phase,
     PlaybackPhase,
@@ -114,6 +115,8 @@ class FootholdKind(Kind):
         match phase:
             case PlaybackPhase():
                 return replace(track, lower=phase.soles, upper=phase.soles, priority=phase.grip)
+            case GroundedPhase():
+                return phase.lowered(track)
             case UnbalancedPhase():
                 pivots = replace(self, pivots=True)
                 return replace(track if self.known else self._landed(track), kind=pivots)

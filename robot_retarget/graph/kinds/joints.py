@@ -10,6 +10,7 @@ from scipy.ndimage import gaussian_filter1d
 from robot_retarget.base.arrays import Bools, Floats
 from robot_retarget.graph.kind import (
     Form,
+    GroundedPhase,
     Kind,
     MeasureRows,
     Phase,
@@ -167,18 +168,26 @@ class SmoothnessKind(Kind):
         kappa = weights.smooth * (human.fps / REFERENCE_FPS) ** 4
         bend = np.zeros((len(human), len(names)))
         if context.robot.floating:
-            height = gaussian_filter1d(pelvis_path(human, context.match)[:, 2], BOUNCE * human.fps, mode="nearest")
-            bend[1:-1, names.index(UP)] = np.diff(height, 2)
+            bend[1:-1, names.index(UP)] = _bounce(pelvis_path(human, context.match)[:, 2], human.fps)
             if human.falls is not None:
                 bend[human.falls[:, 1] > 0, names.index(UP)] = -g / human.fps**2
         ends = [(name, "second difference") for name in names]
         return exact(self, ends, bend, kappa, _scales(context, weights.smooth_root, weights.smooth_turn))
 
     def renewed(self, track: Track, measured: Floats | None, phase: Phase) -> Track:
-        """Return the target 0 in a balanced playback, whose pace differs from the human's."""
+        """Return the target 0 in a balanced playback, whose pace differs from the human's, and that of its draft without free fall."""
+        if isinstance(phase, GroundedPhase) and (UP, "second difference") in track.ends:
+            bend = track.lower.copy()
+            bend[1:-1, track.ends.index((UP, "second difference"))] = _bounce(phase.height, phase.fps)
+            return replace(track, lower=bend, upper=bend)
         if not isinstance(phase, PlaybackPhase):
             return track
         return replace(track, lower=np.zeros_like(track.lower), upper=np.zeros_like(track.upper))
+
+
+def _bounce(height: Floats, fps: float) -> Floats:
+    """Return the second differences (T − 2,) of heights (T,), smoothed [m]."""
+    return np.diff(gaussian_filter1d(height, BOUNCE * fps, mode="nearest"), 2)
 
 
 class InertiaKind(Kind):

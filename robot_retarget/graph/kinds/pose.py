@@ -11,6 +11,7 @@ from robot_retarget.graph.kind import (
     AXES,
     SHORTEST,
     FrameEdges,
+    GroundedPhase,
     Kind,
     Phase,
     PlaybackPhase,
@@ -59,6 +60,8 @@ class PathKind(Kind):
 
         In a stand it is that of the standing pose, in a playback no higher than in its stands.
         """
+        if isinstance(phase, GroundedPhase):
+            return phase.lowered(track)
         if measured is None or not isinstance(phase, PlaybackPhase):
             return phase.of(track)
         if isinstance(phase, StandPhase):
