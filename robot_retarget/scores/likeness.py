@@ -17,7 +17,6 @@ import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, intervals, unit
 from robot_retarget.contact.rule import JOINTS, over_lowest
-from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.human.features import FLIGHT, SUPPORTED, ActivityRule, HumanFeatures
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot, world_points
@@ -293,7 +292,8 @@ class Likeness:
 
 
 def likeness_of(
-    graph: RobotGraph,
+    human: HumanFeatures,
+    robot: Robot,
     qpos: Floats,
     frames: slice | Bools = slice(None),
     *,
@@ -302,22 +302,20 @@ def likeness_of(
     legs: str = "follow",
     unfinished: float = 0.0,
 ) -> Likeness:
-    """Compare configurations (T, nq) with the human of a graph, frame by frame.
+    """Compare configurations (T, nq) with the human, frame by frame.
 
     Args:
         frames: consecutive ones that are compared; all by default.
     """
-    graph, qpos, match = graph.at(frames), qpos[frames], graph.match
-    pair = Pair(
-        match, graph.human.positions, world_points(graph.robot, match.points, qpos), graph.human.contacts, graph.fps
-    )
-    performed, moved = human_travel(graph.human), robot_travel(pair.robot, qpos, graph.robot, match, graph.fps)
+    human, qpos, match = human.at(frames), qpos[frames], human.calibration.match
+    pair = Pair(match, human.positions, world_points(robot, match.points, qpos), human.contacts, human.fps)
+    performed, moved = human_travel(human), robot_travel(pair.robot, qpos, robot, match, human.fps)
     angles = pair.bone_angles(PARTS.keys() - ({"legs"} if legs == "stand" else set()))
     path = _path_off(moved.path, match.leg_ratio * performed.path, match.robot_leg)
-    rushed = _rushed(graph, qpos)
+    rushed = _rushed(robot, qpos, human.fps)
     return Likeness(
-        angles, pair.touches.share, performed, moved, path, slowdown, stride, legs, unfinished, rushed, graph.fps,
-        pair, graph.robot, qpos, not_standing(graph.human),
+        angles, pair.touches.share, performed, moved, path, slowdown, stride, legs, unfinished, rushed, human.fps,
+        pair, robot, qpos, not_standing(human),
     )  # fmt: skip
 
 
@@ -326,10 +324,9 @@ def _mean_of_part(angles: dict[str, Floats], name: str) -> float | None:
     return float(np.mean(own)) if own else None
 
 
-def _rushed(graph: RobotGraph, qpos: Floats) -> Bools:
+def _rushed(robot: Robot, qpos: Floats, fps: float) -> Bools:
     """(T,) whether a joint is at its speed limit on the way to the next frame; the last frame has none."""
-    robot = graph.robot
-    speed = np.abs(np.diff(qpos[:, robot.qpos_index], axis=0)) * graph.fps
+    speed = np.abs(np.diff(qpos[:, robot.qpos_index], axis=0)) * fps
     return np.append((speed >= AT_LIMIT * robot.max_speed).any(axis=1), False)
 
 

@@ -1,7 +1,6 @@
 """The pipeline: describe a motion as a graph and solve it, in one call or two."""
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -14,7 +13,6 @@ from robot_retarget.base.progress import Progress, consecutive
 from robot_retarget.collision.warn import Warnings, warnings_of
 from robot_retarget.graph.describe import DescribeArguments, RobotGraph, describe
 from robot_retarget.graph.kinds import KINDS
-from robot_retarget.graph.track import Status
 from robot_retarget.graph.weights import Weights
 from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion
@@ -28,7 +26,7 @@ from robot_retarget.solver.balance.balanced_ik import BalanceOptions
 from robot_retarget.solver.balance.playback import Balanced, expected_steps
 from robot_retarget.solver.options import Search, Smoothing, SolveOptions
 from robot_retarget.solver.solution import Solution
-from robot_retarget.solver.solve import solve_graph
+from robot_retarget.solver.solve import solve_graph, unfinished
 from robot_retarget.trajectory import Trajectory
 
 
@@ -102,15 +100,21 @@ class Result:
     def likeness(self) -> Likeness:
         """How like the human's the robot's motion is."""
         if self.balance is None:
-            return likeness_of(self.graph, self.solution.trajectory.qpos, unfinished=_unfinished(self.solution.status))
+            return likeness_of(
+                self.graph.human,
+                self.graph.robot,
+                self.solution.trajectory.qpos,
+                unfinished=unfinished(self.solution.status),
+            )
         return likeness_of(
-            self.graph,
+            self.graph.human,
+            self.robot,
             self.solution.trajectory.qpos,
             self.balance.timeline.share >= 1,
             slowdown=self.balance.slowdown,
             stride=self.balance.stride,
             legs="instead" if self.balance.instead else self.balance.legs,
-            unfinished=_unfinished(self.solution.status),
+            unfinished=unfinished(self.solution.status),
         )
 
     @cached_property
@@ -121,11 +125,6 @@ class Result:
             TrajectoryError: a single frame has no next one.
         """
         return warnings_of(self.trajectory, self.robot)
-
-
-def _unfinished(status: Sequence[Status]) -> float:
-    """Return the share of frames that the solver left before convergence."""
-    return sum(one in (Status.OUT_OF_ITERATIONS, Status.BLOCKED) for one in status) / len(status)
 
 
 EXACT = 3e-4

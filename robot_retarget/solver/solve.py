@@ -1,22 +1,24 @@
 """Solve a graph as a whole clip or frame by frame, and a long clip piece by piece."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Unpack
 
 import numpy as np
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import MatchError
 from robot_retarget.base.progress import Count, Progress
-from robot_retarget.graph.describe import RobotGraph, at_rate, graph_of
+from robot_retarget.graph.describe import DescribeArguments, RobotGraph, graph_of, matched_among
+from robot_retarget.graph.placed_scene import placed_scene
 from robot_retarget.graph.track import Status
-from robot_retarget.graph.weights import Weights
 from robot_retarget.human.features import HumanFeatures, features_of
-from robot_retarget.human.match import match
 from robot_retarget.human.motion import Motion
 from robot_retarget.robot import Robot
+from robot_retarget.robot.model import assumed_speed_notes
+from robot_retarget.scores.likeness import likeness_of
 from robot_retarget.scores.plausibility import mismatch
 from robot_retarget.solver.clip import clip_poses, measured_by, stresses
 from robot_retarget.solver.descent import FrameSolution
@@ -121,40 +123,48 @@ PIECE = 6
 
 
 def solve_long(
-    motion: Motion,
-    robot: Robot,
-    *,
-    fps: float | None = None,
-    overrides: str | Path | None = None,
-    weights: Weights | None = None,
-    smoothing: Smoothing | None = None,
-) -> Trajectory:
-    """Return the trajectory of `retarget` without balance, in the memory of one piece.
+    motion: Motion, robot: Robot, *, smoothing: Smoothing | None = None, **how: Unpack[DescribeArguments]
+) -> tuple[Trajectory, tuple[str, ...]]:
+    """Return the trajectory of `retarget` without balance, and its notes, in the memory of one piece.
 
     Either piece places the footholds of a stance that spans two pieces. There the result may differ from `retarget` by
     as much as a foothold may.
 
+    Args:
+        motion: the human's.
+        robot: the robot.
+        smoothing: as in `solve`.
+        how: as `DescribeArguments` states.
+
     Raises:
-        MatchError: as `retarget`.
-        UsageError: fps out of range.
+        MatchError, SceneError, UsageError: as `retarget`.
     """
-    motion, smoothly = at_rate(motion, fps), smoothing or Smoothing()
-    human = features_of(motion, match(motion, robot, overrides))
-    windows = tuple(smoothly.windows.cut(len(motion), motion.fps))
-    qpos, done = np.empty((len(motion), robot.model.nq)), 0
-    for own in _pieces(windows):
+    motion, matched, robot, weights = matched_among(motion, robot, **how)
+    human, smoothly = features_of(motion, matched), smoothing or Smoothing()
+    qpos, done, status = np.empty((len(motion), robot.model.nq)), 0, list[Status]()
+    for own in _pieces(tuple(smoothly.windows.cut(len(motion), motion.fps))):
         first, last, fixed = own[0].first, own[-1].last, own[0].fixed
         piece = human.at(slice(first, last))
-        graph = graph_of(motion.frames(first, last), piece, robot, weights or Weights()).unbalanced()
+        led = replace(robot, begun=robot.begun + first / motion.fps) if robot.led else robot
+        graph = graph_of(motion.frames(first, last), piece, led, weights).unbalanced()
         origin = _origin(human, first)
         known = _moved(qpos[done - fixed : done], robot, -origin)
         part = ClipPiece(tuple(window.after(first) for window in own), tuple(known))
-        solved = solve_graph(graph, smoothing=smoothly, part=part).trajectory.qpos
-        qpos[done : own[-1].final] = _moved(solved, robot, origin)
+        solved = solve_graph(graph, smoothing=smoothly, part=part)
+        qpos[done : own[-1].final] = _moved(solved.trajectory.qpos, robot, origin)
+        status += solved.status
         done = own[-1].final
-    if overrides is None and (doubt := mismatch(human, robot, qpos, motion.source)):
+    if how.get("overrides") is None and (doubt := mismatch(human, robot, qpos, motion.source)):
         raise MatchError(doubt)
-    return trajectory_of(motion, robot, qpos)
+    likeness, placed = likeness_of(human, robot, qpos, unfinished=unfinished(status)), placed_scene(human, matched)
+    trajectory = replace(trajectory_of(motion, robot, qpos), scene=placed and placed.scene, likeness=likeness.figures())
+    speeds = assumed_speed_notes(robot, trajectory.angles, trajectory.fps)
+    return trajectory, (*motion.notes, *matched.notes, *likeness.notes, *speeds)
+
+
+def unfinished(status: Sequence[Status]) -> float:
+    """Return the share of frames that the solver left before convergence."""
+    return sum(one in (Status.OUT_OF_ITERATIONS, Status.BLOCKED) for one in status) / len(status)
 
 
 def _pieces(windows: tuple[FrameWindow, ...]) -> Iterator[tuple[FrameWindow, ...]]:

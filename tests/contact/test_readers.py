@@ -66,7 +66,7 @@ def test_all_readers_agree_frame_by_frame(clip: str, name: str) -> None:
         "kept",
     ):  # a score has the bones of the compared frames, and captured frames where a graph interpolates
         assert (getattr(seen, name) != getattr(subject.pair.touches, name)).mean() < 0.003
-    assert likeness_of(graph, trajectory.qpos).contacts == seen.share
+    assert likeness_of(graph.human, graph.robot, trajectory.qpos).contacts == seen.share
     scored = score(trajectory, robot, motion)
     assert scored.figures["contact_recall"] == (
         None if (share := subject.pair.touches.share) is None else round(share, 3)

@@ -76,6 +76,19 @@ def test_a_stream_holds_frozen_joints() -> None:
     assert poses[-1].qpos[elbow] == pytest.approx(-0.4, abs=1e-9)
 
 
+def test_a_joint_of_a_stream_follows_a_file_from_its_first_frame_on(tmp_path: Path) -> None:
+    op3, motion = rr.load_robot("op3"), rr.read_motion(SAMPLES / "wave.bvh").resample(30)
+    turning = swing(op3, "head_pan", 0.4, 0.5, 3.0)
+    turning.save(tmp_path / "turn.npz")
+    robot = rr.freeze(op3, [f"head_pan={tmp_path / 'turn.npz'}"])
+    stream = rr.Stream(robot, motion.skeleton, calibration=motion.frames(0, 30), native=False)
+    pan, turns = robot.qpos_index[robot.joint_names.index("head_pan")], motion.rotations
+    assert turns is not None
+    found = [stream.push(motion.positions[t], turns[t], time=7 + t / 30).qpos[pan] for t in range(40)]
+    at = np.interp(np.arange(40) / 30, np.arange(len(turning)) / turning.fps, turning.qpos[:, pan])
+    np.testing.assert_allclose(found, at, atol=1e-9)
+
+
 def test_a_map_file_freezes_too(tmp_path: Path) -> None:
     (tmp_path / "map.toml").write_text('[robot]\nfreeze = ["head_*=0.1"]\n')
     result = rr.retarget(SAMPLES / "wave.bvh", "op3", overrides=tmp_path / "map.toml")

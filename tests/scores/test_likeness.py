@@ -49,7 +49,7 @@ def turned(graph: rr.RobotGraph, share: float) -> np.ndarray:
 
 @pytest.mark.parametrize("share", [1.0, 0.5, 0.0, -1.0])
 def test_the_path_is_off_by_the_share_that_is_left_out(walk: rr.RobotGraph, share: float) -> None:
-    assert likeness_of(walk, placed(walk, share)).path_off == pytest.approx(abs(1 - share), abs=1e-9)
+    assert likeness_of(walk.human, walk.robot, placed(walk, share)).path_off == pytest.approx(abs(1 - share), abs=1e-9)
 
 
 @needs_shared
@@ -58,7 +58,7 @@ def test_the_heading_is_off_by_the_share_of_the_turn_that_is_left_out(
     turning_walk: rr.RobotGraph, share: float
 ) -> None:
     turn = human_travel(turning_walk.human).heading
-    found = likeness_of(turning_walk, turned(turning_walk, share))
+    found = likeness_of(turning_walk.human, turning_walk.robot, turned(turning_walk, share))
     assert found.heading_off == pytest.approx((1 - share) * np.quantile(np.abs(turn), 0.9), abs=0.01)
 
 
@@ -66,22 +66,24 @@ def test_steps_of_a_walk_are_counted_on_both_bodies(walk: rr.RobotGraph) -> None
     human = human_travel(walk.human)
     assert human.steps == 8  # as the clip was made
     followed = rr.solve(walk, balance="off")
-    assert likeness_of(walk, followed.trajectory.qpos).steps_lost == pytest.approx(0.0, abs=0.13)  # one of eight
+    assert likeness_of(walk.human, walk.robot, followed.trajectory.qpos).steps_lost == pytest.approx(
+        0.0, abs=0.13
+    )  # one of eight
 
 
 @needs_shared
 def test_a_robot_that_stands_in_place_while_the_human_walks_and_turns_is_unlike(turning_walk: rr.RobotGraph) -> None:
-    stands = likeness_of(turning_walk, placed(turning_walk, 0.0), legs="instead")
+    stands = likeness_of(turning_walk.human, turning_walk.robot, placed(turning_walk, 0.0), legs="instead")
     sentences = unlikeness(stands.figures(), Thresholds())
     assert "stands in place: the human moves 0.9 m and turns 184° in 2 steps" in sentences
 
 
 def test_frames_far_from_the_human_are_counted_and_noted_with_their_time(walk: rr.RobotGraph) -> None:
     followed = np.array(rr.solve(walk, balance="off").trajectory.qpos)
-    near = likeness_of(walk, followed)
+    near = likeness_of(walk.human, walk.robot, followed)
     assert near.figures()["limbs_far_share"] == 0.0 and not any("limbs" in note for note in near.notes)
     followed[20:29, walk.robot.qpos_index] = walk.robot.upper  # nine frames of another pose
-    far = likeness_of(walk, followed)
+    far = likeness_of(walk.human, walk.robot, followed)
     assert far.figures()["limbs_far_share"] == pytest.approx(9 / len(walk), abs=1e-4)
     start, stop = 20 / walk.fps, 29 / walk.fps
     assert f"In 9 of {len(walk)} frames, longest from {start:.1f} to {stop:.1f} s, the limbs" in far.notes[0]
@@ -93,13 +95,13 @@ def test_joints_at_their_speed_limit_are_noted(walk: rr.RobotGraph, share: float
     qpos, robot = placed(walk, 1.0), walk.robot
     knee, turn = robot.joint_names.index("l_knee"), share * robot.max_speed / walk.fps
     qpos[10:, robot.qpos_index[knee]] += turn[knee]
-    found = likeness_of(walk, qpos)
+    found = likeness_of(walk.human, walk.robot, qpos)
     assert found.figures()["at_speed_limit_share"] == pytest.approx(limited / len(walk), abs=1e-4)
     assert any("a joint is at its speed limit" in note for note in found.notes) == limited
 
 
 def test_feet_kept_in_place_by_choice_are_not_compared(walk: rr.RobotGraph) -> None:
-    figures = likeness_of(walk, placed(walk, 0.0), legs="stand").figures()
+    figures = likeness_of(walk.human, walk.robot, placed(walk, 0.0), legs="stand").figures()
     judged = ("path_off", "heading_off_rad", "steps_lost", "steps_shortened", "limb_rad_legs")
     assert all(figures[name] is None for name in judged)
     assert figures["human_steps"] == 8  # still reported
@@ -114,14 +116,14 @@ def test_feet_kept_in_place_by_choice_are_not_compared(walk: rr.RobotGraph) -> N
     ],
 )
 def test_each_bound_has_a_sentence(walk: rr.RobotGraph, given: dict[str, Any], told: str) -> None:
-    found, near = (likeness_of(walk, placed(walk, 1.0), **options) for options in (given, {}))
+    found, near = (likeness_of(walk.human, walk.robot, placed(walk, 1.0), **options) for options in (given, {}))
     stepping = replace(found, robot=replace(found.robot, steps=8))
     assert told in unlikeness(stepping.figures(), Thresholds())
     assert told not in unlikeness(near.figures(), Thresholds())
 
 
 def test_a_robot_that_takes_no_step_has_no_length_of_steps(walk: rr.RobotGraph) -> None:
-    figures = likeness_of(walk, placed(walk, 0.0)).figures()
+    figures = likeness_of(walk.human, walk.robot, placed(walk, 0.0)).figures()
     assert figures["robot_steps"] == 0 and figures["human_steps"] == 8
     assert figures["stride"] is None and figures["steps_shortened"] is None and figures["steps_lost"] == 1.0
 
@@ -131,13 +133,13 @@ def test_ranges_of_joints_allow_no_nearer_pose_than_the_bound(clip: str) -> None
     """Independent: SciPy's trust region over joints and the turn of the root, from the bound's own starts, finds no lower sum."""
     graph = rr.describe(rr.read_motion(ROOT / f"samples/{clip}.bvh"), rr.load_robot("op3")).at(slice(40, 41))
     robot, stand = graph.robot, graph.robot.standing()
-    best = sum(angle[0] for angle in likeness_of(graph, stand[None]).best.values())
+    best = sum(angle[0] for angle in likeness_of(graph.human, graph.robot, stand[None]).best.values())
 
     def angles(values: np.ndarray) -> np.ndarray:
         qpos = stand.copy()
         qpos[3:7] = Rotation.from_rotvec(values[:3]).as_quat(scalar_first=True)
         qpos[robot.qpos_index] = values[3:]
-        return np.array([angle[0] for angle in likeness_of(graph, qpos[None]).angles.values()])
+        return np.array([angle[0] for angle in likeness_of(graph.human, graph.robot, qpos[None]).angles.values()])
 
     low, high = np.r_[-3.0, -3.0, -3.0, robot.lower], np.r_[3.0, 3.0, 3.0, robot.upper]
     start = np.clip(np.r_[0.0, 0.0, 0.0, stand[robot.qpos_index]], low + 1e-3, high - 1e-3)
@@ -170,7 +172,7 @@ def test_more_than_half_a_turn_on_one_foothold_is_a_spin(turns: float, spins: bo
 
 
 def test_speed_is_the_length_of_steps_over_slowdown(walk: rr.RobotGraph) -> None:
-    found = likeness_of(walk, placed(walk, 1.0), slowdown=2.0, stride=0.8)
+    found = likeness_of(walk.human, walk.robot, placed(walk, 1.0), slowdown=2.0, stride=0.8)
     assert replace(found, robot=replace(found.robot, steps=8)).pace == pytest.approx(0.4)
     assert replace(found, robot=replace(found.robot, steps=0)).pace is None
 
@@ -188,5 +190,7 @@ def test_the_bound_keeps_hinges_within_the_ranges() -> None:
         return float(sum(angle[0] for angle in angles.values()))
 
     frozen = bound(0.0)
-    assert frozen <= sum(angle[0] for angle in likeness_of(graph, stand[None]).angles.values()) + 1e-6
+    assert (
+        frozen <= sum(angle[0] for angle in likeness_of(graph.human, graph.robot, stand[None]).angles.values()) + 1e-6
+    )
     assert frozen - 0.3 < bound(0.01) < frozen and bound(9.0) < frozen - 0.3

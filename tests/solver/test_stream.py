@@ -60,7 +60,7 @@ def test_a_stream_is_as_like_the_human_as_the_whole_clip_within_degrees(robot: R
     whole = rr.solve(rr.describe(motion, robot, fps=30), balance="off")
     qpos = np.array(list(rr.stream(robot, motion, native=False)))
     graph = whole.solution.graph
-    here, there = (likeness_of(graph, q) for q in (qpos, whole.trajectory.qpos))
+    here, there = (likeness_of(graph.human, graph.robot, q) for q in (qpos, whole.trajectory.qpos))
     for part in ("arms", "legs"):
         assert np.degrees((here.part(part) or 0.0) - (there.part(part) or 0.0)) < 5.0
 

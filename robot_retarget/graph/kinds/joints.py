@@ -1,6 +1,7 @@
 """Kinds of joint coordinates: ranges and speeds, the standing pose, couplings, smoothness and inertia."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -10,6 +11,7 @@ from scipy.ndimage import gaussian_filter1d
 from robot_retarget.base.arrays import Bools, Floats
 from robot_retarget.graph.kind import (
     Form,
+    FrameTargets,
     GroundedPhase,
     Kind,
     MeasureRows,
@@ -19,6 +21,7 @@ from robot_retarget.graph.kind import (
     Role,
     RowState,
     StandPhase,
+    StreamFrame,
     Track,
     exact,
 )
@@ -45,7 +48,20 @@ class RangeKind(Kind):
         """[lower, upper] of the robot."""
         robot, frames = context.robot, len(context.human)
         lower, upper = robot.ranges(np.arange(frames) / context.human.fps)
-        return limit(self, [(j, "zero") for j in robot.joint_names], lower, upper, frames)
+        kind = LedRangeKind() if robot.led else self
+        return limit(kind, [(j, "zero") for j in robot.joint_names], lower, upper, frames)
+
+
+class LedRangeKind(RangeKind):
+    """The same of a robot some of whose hinges follow a trajectory, from the first frame of a stream on."""
+
+    follows_human = True
+
+    def step(self, context: StreamFrame, memory: dict[str, Any]) -> FrameTargets:
+        """[lower, upper] at the time of the frame."""
+        memory["time"] = memory["time"] + context.seconds if memory else 0.0
+        lower, upper = context.robot.ranges(np.array([memory["time"]]))
+        return lower[0], upper[0], np.inf
 
 
 class SpeedKind(Kind):

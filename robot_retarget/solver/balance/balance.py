@@ -157,7 +157,7 @@ def _require_margin(found: Balanced, least: float) -> None:
 
 def _require_alike(graph: RobotGraph, qpos: Floats, frames: np.ndarray, most: Acceptable) -> None:
     """Raises: BalanceError: legs or trunk are too far from the human's."""
-    likeness = likeness_of(graph, qpos, frames)
+    likeness = likeness_of(graph.human, graph.robot, qpos, frames)
     for part, bound in (("legs", most.legs), ("trunk", most.trunk)):
         off = likeness.part(part) or 0.0
         if off > bound and likeness.beyond(part) > bound:

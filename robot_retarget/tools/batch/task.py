@@ -237,14 +237,13 @@ def _made(task: Task) -> dict[str, Any]:
 
 def _retargeted(motion: "Motion", robot: "Robot", settings: Settings) -> "tuple[Trajectory, tuple[str, ...]]":
     """The trajectory and its notes; long clips are solved piece by piece, in bounded memory."""
-    from robot_retarget.graph.weights import Weights
     from robot_retarget.solver.pipeline import retarget
     from robot_retarget.solver.solve import solve_long
 
     common: dict[str, Any] = {"fps": settings.fps, "overrides": settings.map_file}
     if motion.duration > LONG and settings.balance == "off":
-        solved = solve_long(motion, robot, weights=Weights().with_preset(settings.preset), **common)
-        return solved, (*motion.notes, "Solved piece by piece.")
+        solved, notes = solve_long(motion, robot, preset=settings.preset, **common)
+        return solved, (*notes, "Solved piece by piece.")
     result = retarget(motion, robot, preset=settings.preset, legs=settings.legs, balance=settings.balance, **common)
     return result.trajectory, result.notes
 
