@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from scipy.constants import g
 from shared_files import ROOT
 
 import robot_retarget as rr
@@ -34,6 +35,21 @@ def test_a_walk_is_the_identity_but_at_the_edges_of_stances(walk: rr.Trajectory)
     robot = rr.load_robot("g1_class")
     off = np.abs(rr.transfer(walk, robot, robot).trajectory.qpos[:, 7:] - walk.qpos[:, 7:]).max(axis=1)
     assert np.median(off) < 2e-4 and off.max() < 2e-3
+
+
+def test_flights_turns_and_slips_of_the_robot_are_kept() -> None:
+    """A hop at 0.7 g, and soles that turn and slip while they stand."""
+    robot = rr.load_robot("g1_class")
+    times = np.arange(45) / 30
+    own = np.tile(robot.standing(), (len(times), 1))
+    slip, hop = np.clip(times, 0.2, 0.7) - 0.2, np.clip(times - 1.0, 0, 0.3)
+    own[:, 1] += 0.04 * slip
+    own[:, 2] += 0.7 * g * hop * (0.3 - hop) / 2
+    own[:, 3], own[:, 6] = np.cos(0.08 * slip), np.sin(0.08 * slip)
+    found = rr.transfer(rr.Trajectory(own, 30, robot.joint_names, robot.name), robot, robot).trajectory.qpos
+    assert np.abs(found[:, 7:] - own[:, 7:]).max() < 2e-3
+    np.testing.assert_allclose(found[:, :3] - found[0, :3], own[:, :3] - own[0, :3], atol=2e-3)
+    np.testing.assert_allclose(found[:, 3:7], own[:, 3:7], atol=1e-3)
 
 
 def test_keypoints_of_the_performer_are_where_mujoco_puts_them(walk: rr.Trajectory) -> None:

@@ -35,11 +35,14 @@ class Footholds:
     """(T, F, 4) largest heights of standing corners over their places [m]."""
 
 
-def footholds_of(human: HumanFeatures, match: Match, robot: Robot, backlash: float = np.inf) -> Footholds:
+def footholds_of(
+    human: HumanFeatures, match: Match, robot: Robot, backlash: float = np.inf, known: bool = False
+) -> Footholds:
     """Return the footholds of the matched feet; empty for a robot with a fixed base.
 
     Args:
         backlash: by which a foot heads away from its foothold before this turns with it [rad].
+        known: whether soles are exact, as a robot's are: a stance then keeps its rolling and slipping.
     """
     feet = placed_feet(match, robot)
     held = np.zeros((len(human), len(feet), CORNERS), dtype=bool)
@@ -47,11 +50,14 @@ def footholds_of(human: HumanFeatures, match: Match, robot: Robot, backlash: flo
     if not feet:
         return Footholds(feet, held, places, np.zeros(held.shape))
     soles, scene = soles_of(human, match, robot), placed_scene(human, match)
-    ways = soles.lifted(human)
+    ways = soles.places(human) if known else soles.lifted(human)
     for k, foot in enumerate(feet):
         if foot in human.contacts:
             held[:, k, TOE], held[:, k, HEEL] = human.contacts[foot][:, :1], human.contacts[foot][:, 1:]
         corners = ways[:, k]
+        if known and scene is None:
+            places[:, k] = corners
+            continue
         heading = settled_heading(held[:, k], lengths(corners), backlash)
         if scene is None:
             places[:, k] = foothold_corners(held[:, k], corners, heading=heading)
@@ -59,7 +65,8 @@ def footholds_of(human: HumanFeatures, match: Match, robot: Robot, backlash: flo
         surface = surface_under(human, scene, foot)
         corners = corners + surface.shift[:, None]
         places[:, k] = foothold_corners(held[:, k], corners, surface=surface, heading=heading)
-    return Footholds(feet, held, places, soles.rises(human, held))
+    rises = np.zeros(held.shape) if known and scene is None else soles.rises(human, held)
+    return Footholds(feet, held, places, rises)
 
 
 @dataclass(frozen=True, eq=False)

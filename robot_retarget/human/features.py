@@ -316,7 +316,7 @@ def falls_of(x: Floats, match: Match, airborne: Bools, fps: float) -> Floats:
         own = z(τ) − z(a) − (z(b) − z(a)) τ/T,    fall = g τ (T − τ) / 2,    T the time from a to b.
 
     A flight is a time in the air in which the human falls: frames at its ends are left out until the parabola that fits the
-    pelvis has an acceleration within `FALL` of g.
+    pelvis has an acceleration within `FALL` of g. The path of a robot is exact and falls as it does: own = fall.
 
     Args:
         x: (T, K, 3) keypoints over level ground [m].
@@ -333,8 +333,10 @@ def falls_of(x: Floats, match: Match, airborne: Bools, fps: float) -> Floats:
             time = np.arange(stop - start + 2) / fps
             own = z[start - 1 : stop + 1]
             if abs(2 * np.polyfit(time, own, 2)[0] + g) < FALL * g:
-                falls[start - 1 : stop + 1, 0] = own - np.interp(time, time[[0, -1]], own[[0, -1]])
-                falls[start - 1 : stop + 1, 1] = g * time * (time[-1] - time) / 2
+                fall = g * time * (time[-1] - time) / 2
+                exact = match.recognition.ankle_height is not None  # a robot, whose hop may have less than g
+                falls[start - 1 : stop + 1, 0] = fall if exact else own - np.interp(time, time[[0, -1]], own[[0, -1]])
+                falls[start - 1 : stop + 1, 1] = fall
                 break
             start, stop = start + 1, stop - 1
     return falls

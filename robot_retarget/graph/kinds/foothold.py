@@ -58,7 +58,7 @@ class FootholdKind(Kind):
     """Whether stances are known exactly, as a robot's are; a human's foot still slides in the first frame of its stance, so feet
     without balance land a frame earlier."""
     met: float = 1e-3
-    """A known stance keeps its place if the coarse path, a spline between moments, comes nearer [m]."""
+    """Known stances keep their places if half of the coarse path, a spline between moments, comes nearer [m]."""
     backlash: float = 0.1
     """A foot that stands turns with the human's where that heads away by more [rad] ..."""
     pivots: bool = False
@@ -74,7 +74,7 @@ class FootholdKind(Kind):
     def targets(self, context: RetargetContext) -> Track | None:
         """Footholds read off the human."""
         kind = self if context.scene is None else replace(self, frees=False)  # a step has one place for a foot
-        footholds = footholds_of(context.human, context.match, context.robot, self.backlash)
+        footholds = footholds_of(context.human, context.match, context.robot, self.backlash, self.known)
         return kind.track(footholds, context.leg, context.weights, self.across(context)) if footholds.feet else None
 
     def track(self, footholds: Footholds, leg: float, weights: Weights, across: float = HARD) -> Track:
@@ -163,9 +163,8 @@ class FootholdKind(Kind):
             places = _places(held, corners, fixed, planes, headings)
         if self.pivots:
             places[fixed:] = _lifted(places, plan, planned)[fixed:]
-        if self.known:
-            nears = np.abs(places - plan).max(axis=(2, 3)) < self.met
-            places[nears] = plan[nears]
+        if self.known and np.median(np.abs(corners - plan).max(axis=3)[planned]) < self.met:
+            places = plan
         places = places.reshape(measured.shape)
         priority = self._freed(track.priority.reshape(*held.shape, len(AXES)), planned & ~held)
         upper = places + np.where(
