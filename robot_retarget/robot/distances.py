@@ -95,6 +95,7 @@ class Separation:
         self._watch(np.array([pair for pairs in listed for pair in pairs], dtype=int).reshape(-1, 2))
         for rest in (robot.neutral(), np.array(robot.model.qpos0)):
             self._learn(rest)
+        self._learn(robot.standing(), least=0.0)
         self._watch(self.boxes.pairs)
         self.floor: Floor | None = None if feet is None else Floor(robot, self.model, feet, STILL * reach)
 
@@ -234,10 +235,10 @@ class Separation:
         self.boxes = Boxes(self.model, pairs[two_boxes], self.reach)
         self.seen = self.counts & ~np.logical_and.outer(self.is_box, self.is_box)
 
-    def _learn(self, rest: Floats) -> None:
-        """Leave out pairs that overlap at rest; remember how near the others are."""
+    def _learn(self, rest: Floats, least: float = -np.inf) -> None:
+        """Leave out pairs that overlap at rest; remember how near the others are, `least` at least [m]."""
         found = self.distances(rest[None])
-        for gap, (a, b) in zip(found.distance, found.geoms, strict=True):
+        for gap, (a, b) in zip(found.distance.clip(min=least), found.geoms, strict=True):
             self.counts[a, b] = self.counts[b, a] = self.counts[a, b] and gap > -TIE
             self.rest[a, b] = self.rest[b, a] = min(self.rest[a, b], gap)
 

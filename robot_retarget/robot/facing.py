@@ -239,9 +239,9 @@ def _middle_of_range(links: Links) -> Floats:
 
 
 def _standing(links: Links) -> Floats:
-    """Return (n,) the angles of the standing keyframe, relative to the reference pose [rad]."""
-    robot = links.robot
-    return (robot.standing() - robot.model.qpos0)[robot.qpos_index]
+    """Return (n,) the angles of the standing keyframe, relative to the reference pose [rad]; 0 without one."""
+    robot, key = links.robot, links.robot.standing_key
+    return np.zeros(len(robot.qpos_index)) if key is None else (key - robot.model.qpos0)[robot.qpos_index]
 
 
 def _angle(links: Links, axis: Axis, angles: Floats) -> float:

@@ -163,11 +163,19 @@ class Robot:
         qpos[self.qpos_index] = np.clip(qpos[self.qpos_index], self.lower, self.upper)
         return qpos
 
-    def standing(self) -> Floats:
-        """The keyframe in which the robot stands, where the model has one, else `qpos0`. (nq,)"""
+    @property
+    def standing_key(self) -> Floats | None:
+        """(nq,) The keyframe in which the robot stands, where the model has one."""
         keys = {self.model.key(k).name.lower(): k for k in range(self.model.nkey)}
         found = next((keys[name] for name in STANDING_KEYS if name in keys), None)
-        return np.array(self.model.qpos0 if found is None else self.model.key_qpos[found])
+        return None if found is None else np.array(self.model.key_qpos[found])
+
+    def standing(self) -> Floats:
+        """The keyframe in which the robot stands, where the model has one, else `qpos0` with arms down (`stand`). (nq,)"""
+        from robot_retarget.robot.stand import with_arms_down  # recognition reads robots
+
+        key = self.standing_key
+        return np.array(with_arms_down(self.whole or self)) if key is None else key
 
 
 def robot_from_model(
