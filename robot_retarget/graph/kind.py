@@ -16,7 +16,6 @@ from robot_retarget.graph.placed_scene import PlacedScene, placed_scene
 from robot_retarget.graph.rows import ClipRows as ClipRows
 from robot_retarget.graph.rows import MeasureRows as MeasureRows
 from robot_retarget.graph.rows import RowState as RowState
-from robot_retarget.graph.rows import RowStates as RowStates
 from robot_retarget.graph.track import FRAME as FRAME
 from robot_retarget.graph.track import Form, Role, Track
 from robot_retarget.graph.track import exact as exact
@@ -185,7 +184,7 @@ class Kind:
     """The name in tables and reports."""
     role: Role = Role.COST
     stencil: tuple[int, ...] = FRAME
-    """The frames that an edge joins, relative to its own: (0,), (−1, 0), (−1, 0, 1) or (−2, −1, 0)."""
+    """The frames that an edge joins, relative to its own: (0,), or of joints (−1, 0), (−1, 0, 1) or (−2, −1, 0)."""
     form: Form = Form.SYMBOLIC
     follows_human: bool = True
     """Whether the targets depend on the human's motion: a stream computes them at every frame."""
@@ -246,7 +245,7 @@ class Kind:
         """
         raise NotImplementedError(f"{type(self).__name__} has no rows")
 
-    def clip_rows(self, track: Track, states: RowStates) -> ClipRows:
+    def clip_rows(self, track: Track, states: RowState) -> ClipRows:
         """Return the rows of a numeric inequality at many configurations: those of each, by default."""
         rows = [self.rows(track, states.at(frame)) for frame in range(len(states.qpos))]
         return ClipRows.of(rows, states.robot.model.nv)
@@ -255,11 +254,11 @@ class Kind:
         """Return the nearby configuration (nq,) that meets the edges of a numeric cost; the same by default."""
         return state.qpos
 
-    def overlap(self, track: Track, states: RowStates) -> Floats:
+    def overlap(self, track: Track, states: RowState) -> Floats:
         """Return how deep surfaces are inside each other (N,) [m], which a repair undoes; of a numeric inequality."""
         return np.zeros(len(states.qpos))
 
-    def penetration(self, track: Track, states: RowStates) -> Floats:
+    def penetration(self, track: Track, states: RowState) -> Floats:
         """Return how deep surfaces are under the floor (N,) [m], which raising the root undoes; of a numeric inequality."""
         return np.zeros(len(states.qpos))
 

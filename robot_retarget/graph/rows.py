@@ -1,7 +1,7 @@
 """What numeric kinds return: values of edges and their slopes at a configuration."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -12,67 +12,26 @@ from robot_retarget.robot import Robot
 
 
 @dataclass(frozen=True, eq=False)
-class Past:
-    """The frame before."""
-
-    qpos: Floats
-    """(nq,)."""
-    seconds: float
-    """Time since the frame before [s]."""
-
-
-@dataclass(frozen=True, eq=False)
-class ContactRows:
-    """Rows of the numeric inequalities near their bound at a configuration."""
-
-    slope: Floats
-    """(R, nv) slopes of the distances."""
-    deficit: Floats
-    """(R,) lower bound minus distance [m]."""
-
-
-@dataclass(frozen=True, eq=False)
 class RowState:
-    """Where a numeric kind is evaluated."""
+    """Where a numeric kind is evaluated: at one configuration, or at N of them."""
 
     robot: Robot
     match: Match
     qpos: Floats
-    """(nq,) the configuration."""
+    """(nq,) the configuration, or (N, nq)."""
     reach: float
     """Surfaces farther apart need no rows [m]."""
-    past: Past | None = None
-    """The frame before, for costs with the stencil (−1, 0); None at the first frame."""
-    contacts: ContactRows | None = None
-    """The rows of the numeric inequalities, for costs with the stencil (−1, 0); None without such kinds."""
     targets: tuple[Floats, Floats, Floats] | None = None
-    """Lower bounds, upper bounds and π (E,) of the kind's edges at the frame; None where a repair asks for overlaps."""
+    """Lower bounds, upper bounds and π (…, E) of the kind's edges; None where a repair asks for overlaps."""
     memory: dict[str, Any] = field(default_factory=dict)
-    """State of the kind between evaluations, per solver and track."""
-
-
-@dataclass(frozen=True, eq=False)
-class RowStates:
-    """Where a numeric inequality is evaluated: at N configurations."""
-
-    robot: Robot
-    match: Match
-    qpos: Floats
-    """(N, nq)."""
-    reach: float
-    """Surfaces farther apart need no rows [m]."""
-    targets: tuple[Floats, Floats, Floats] | None
-    """Lower bounds, upper bounds and π (N, E) of the kind's edges; None where a repair asks for overlaps."""
-    memory: dict[str, Any]
     """State of the kind between evaluations, per solver and track."""
     threads: int = 1
     """Number of threads among which the configurations may be shared."""
 
-    def at(self, frame: int) -> RowState:
-        """Return one of them."""
-        lower, upper, priority = self.targets or (self.qpos,) * 3
-        sides = None if self.targets is None else (lower[frame], upper[frame], priority[frame])
-        return RowState(self.robot, self.match, self.qpos[frame], self.reach, targets=sides, memory=self.memory)
+    def at(self, frame: int) -> "RowState":
+        """Return one of the N."""
+        sides = self.targets and (self.targets[0][frame], self.targets[1][frame], self.targets[2][frame])
+        return replace(self, qpos=self.qpos[frame], targets=sides)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,6 @@ A kind writes its measure in these symbols and CasADi differentiates it by them.
 joints are common to all kinds (`robot.kinematics`). The product of the two is the Jacobian by the tangent vector v.
 """
 
-import copy
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -13,7 +12,6 @@ import numpy as np
 
 from robot_retarget.base.arrays import Floats, Ints
 from robot_retarget.base.errors import GraphError, known
-from robot_retarget.graph.track import FRAME
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Points, Robot
 from robot_retarget.robot.kinematics import Bodies, carrying, mass_shares
@@ -25,20 +23,6 @@ Key = tuple[str | float, ...]
 """Name of a symbol, and the numbers that place it: a point, an axis, the hinges or the centre of mass."""
 DIGITS = 11
 """Entries that agree at all of those to this number of decimals are equal, or zero."""
-
-
-@dataclass(frozen=True)
-class Joined:
-    """A measure over the frames of a stencil, as expressions of the points that it reads there."""
-
-    value: ca.SX
-    """(E,)."""
-    points: list[ca.SX]
-    """Per frame of the stencil (S,), symbols of the points."""
-    places: ca.SX
-    """(S,) the points as expressions of q."""
-    travels: ca.SX
-    """(S, nv) their Jacobian by v, sparse."""
 
 
 @dataclass(frozen=True)
@@ -60,24 +44,12 @@ class SymbolicRobot:
     match: Match
     bodies: Bodies
 
-    def __init__(self, robot: Robot, match: Match, stencil: tuple[int, ...] = FRAME):
-        """Set up the symbols of a frame, and of those around it that a stencil joins."""
+    def __init__(self, robot: Robot, match: Match):
         self.robot, self.match, self.bodies = robot, match, Bodies(robot)
         self._carried = carrying(robot.model)
         self._symbols: dict[Key, ca.SX] = {}
         self._places: dict[Key, tuple[ca.SX, ca.SX]] = {}
-        """The symbols of all frames as expressions of q, and their Jacobians by v."""
-        self._frames = {offset: self._like() if offset else self for offset in stencil}
-
-    def at(self, offset: int) -> "SymbolicRobot":
-        """Return the robot at another frame of the stencil, e.g. −1 for the frame before.
-
-        Raises:
-            GraphError: the stencil does not have this frame.
-        """
-        if offset not in self._frames:
-            raise GraphError(f"a measure reads frame {offset}, and its stencil joins {known(map(str, self._frames))}")
-        return self._frames[offset]
+        """The symbols as expressions of q, and their Jacobians by v."""
 
     def keypoint(self, name: str) -> ca.SX:
         """Return (3,) the position of a keypoint [m]; the pelvis is the middle of the hips, as for the human.
@@ -147,7 +119,8 @@ class SymbolicRobot:
         """
         measured = ca.vertcat(ca.SX(0, 1), *measures)
         symbols = ca.vertcat(ca.SX(0, 1), *self._symbols.values())
-        values, travels = self._expressed()
+        values = ca.vertcat(ca.SX(0, 1), *(x for x, _ in self._places.values()))
+        travels = ca.vertcat(ca.SX(0, self.robot.model.nv), *(travel for _, travel in self._places.values()))
         together = ca.Function("together", [symbols], [measured, ca.jacobian(measured, symbols)])
         value, by_points = together(values)
         drawn = drawn_configurations(self.robot, SAMPLES)
@@ -157,31 +130,11 @@ class SymbolicRobot:
             value[first], _without_zeros(ca.Function("slopes", [self.bodies.q], [slopes]), slopes, drawn), rows
         )
 
-    def joined(self, measure: ca.SX) -> Joined:
-        """Return a measure (E,) as an expression of the points that any frame of the stencil reads."""
-        points = []
-        for frame in self._frames.values():
-            own = [frame._symbols.get(key, ca.SX.sym("unread", x.numel())) for key, (x, _) in self._places.items()]
-            points.append(ca.vertcat(ca.SX(0, 1), *own))
-        return Joined(measure, points, *self._expressed())
-
-    def _expressed(self) -> tuple[ca.SX, ca.SX]:
-        """Return the points (S,) that measures read, and their Jacobian by v (S, nv), as expressions of q."""
-        places = ca.vertcat(ca.SX(0, 1), *(x for x, _ in self._places.values()))
-        return places, ca.vertcat(ca.SX(0, self.robot.model.nv), *(travel for _, travel in self._places.values()))
-
-    def _like(self) -> "SymbolicRobot":
-        """Return the robot at another frame: with its own symbols, and the same expressions of them."""
-        other = copy.copy(self)
-        other._symbols, other._frames = {}, {}
-        return other
-
     def _symbol(self, key: Key, found: Callable[[], tuple[ca.SX, ca.SX]]) -> ca.SX:
         if key not in self._places:
             value, travel = found()
             self._places[key] = ca.vec(value), travel
-        if key not in self._symbols:
-            self._symbols[key] = ca.SX.sym(str(key[0]), self._places[key][0].numel())
+            self._symbols[key] = ca.SX.sym(str(key[0]), value.numel())
         return self._symbols[key]
 
 

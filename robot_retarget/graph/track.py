@@ -374,11 +374,6 @@ def frame_costs(tracks: Iterable[Track]) -> list[Track]:
     return [t for t in tracks if (t.role, t.kind.form, t.stencil) == (Role.COST, Form.SYMBOLIC, FRAME)]
 
 
-def joins(track: Track) -> bool:
-    """Return whether the edges are symbolic costs that join several frames."""
-    return (track.role, track.kind.form) == (Role.COST, Form.SYMBOLIC) and track.stencil != FRAME
-
-
 def ordered(tracks: Sequence[Track]) -> tuple[Track, ...]:
     """Return the tracks in the order in which solvers hold their edges: the symbolic costs of one frame come first."""
     costs = frame_costs(tracks)

@@ -79,9 +79,6 @@ class Weights:
     inertia_root: float = 5.0
     """... and of the root, per rad² and per m² [-]."""
 
-    interaction: float = 0.0
-    """Approaching links, over the squared leg; 0 disables it, 1 lowers false alarms of warnings [-]."""
-
     def __post_init__(self) -> None:
         for name, value in (*self._numbers(), *((f"bones[{bone!r}]", w) for bone, w in self.bones.items())):
             positive = name in ("reach", "huber_delta")

@@ -9,7 +9,6 @@ from robot_retarget.base.arrays import Bools, Floats
 from robot_retarget.base.progress import Count
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.kind import CoarsePhase, Phase, SolvedPhase
-from robot_retarget.graph.rows import Past
 from robot_retarget.graph.track import SECOND_DIFFERENCE, Form, Role, Status, Track, concatenated
 from robot_retarget.robot.kinematics import difference, tangent_names
 from robot_retarget.solver.candidates import coarse_path
@@ -140,7 +139,7 @@ def renewed(tracks: Sequence[Track], measured: Mapping[str, Floats], phase: Phas
 
 
 def measured_by(problem: Problem, graph: RobotGraph, qpos: Floats) -> dict[str, Floats]:
-    """Measure the edges of every symbolic cost; those that join frames outside the clip repeat its ends.
+    """Measure the edges of every symbolic cost.
 
     Args:
         problem: the compiled measures.
@@ -152,8 +151,7 @@ def measured_by(problem: Problem, graph: RobotGraph, qpos: Floats) -> dict[str, 
     """
     every = problem.values(qpos)
     ends = np.cumsum([len(track) for track in graph.costs])[:-1]
-    found = {track.name: part for track, part in zip(graph.costs, np.split(every, ends, axis=1), strict=True)}
-    return found | {cost.track.name: cost.values(qpos) for cost in problem.stencils}
+    return {track.name: part for track, part in zip(graph.costs, np.split(every, ends, axis=1), strict=True)}
 
 
 def stresses(solver: FrameSolver, graph: RobotGraph, qpos: Floats) -> dict[str, Floats]:
@@ -166,8 +164,7 @@ def stresses(solver: FrameSolver, graph: RobotGraph, qpos: Floats) -> dict[str, 
     """
     measured = measured_by(solver.problem, graph, qpos)
     found = {name: graph.kinds[name].stress(values).sum(axis=1) for name, values in measured.items()}
-    past = [None, *(Past(before, 1 / graph.fps) for before in qpos[:-1])]
-    return found | solver.costs.parts(qpos, targets_of(graph.tracks), past) | _temporal_stress(graph, qpos)
+    return found | solver.costs.parts(qpos, targets_of(graph.tracks)) | _temporal_stress(graph, qpos)
 
 
 def _temporal_stress(graph: RobotGraph, qpos: Floats) -> dict[str, Floats]:

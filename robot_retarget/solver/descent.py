@@ -10,12 +10,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, Ints
-from robot_retarget.graph.rows import ContactRows
 from robot_retarget.graph.track import Status
 from robot_retarget.solver.options import SolveOptions
 from robot_retarget.solver.problem import ClipTargets, EdgeTargets
 from robot_retarget.solver.quadratic import Between, CostModel, Proximal, Quadratic, diagonal
-from robot_retarget.solver.stencils import ClipNeighbours, Neighbours
 
 
 @dataclass(frozen=True)
@@ -98,7 +96,6 @@ class Descent:
     regions: TrustRegions
     box: Box
     proximal: Proximal | None = None
-    around: ClipNeighbours | Neighbours | None = None
     between: Between | None = None
     tolerance: float = 0.0
     status: np.ndarray = field(init=False)
@@ -112,12 +109,12 @@ class Descent:
         self.status = np.full(len(self.qpos), Status.OUT_OF_ITERATIONS)
         self.entering = np.ones(len(self.qpos), dtype=bool)
 
-    def at(self, frames: Ints) -> tuple[ClipTargets, ClipNeighbours | Neighbours | None, Between | None]:
-        """Return targets, neighbours and ways of some frames."""
+    def at(self, frames: Ints) -> tuple[ClipTargets, Between | None]:
+        """Return targets and ways of some frames."""
         if len(frames) == len(self.qpos):
-            return self.targets, self.around, self.between
+            return self.targets, self.between
         between = None if self.between is None else [self.between[k] for k in frames.tolist()]
-        return self.targets.frames(frames), self.around and self.around.of(frames), between
+        return self.targets.frames(frames), between
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +122,7 @@ class FrameModel:
     """cost + 2 gᵀv + vᵀNv for small steps v, with rows v ≥ row_lower; the last variable is the slack of separation."""
 
     cost: float
-    """Without the terms of proximal and neighbours."""
+    """Without the proximal term."""
     gradient: Floats
     """g (nv,)."""
     normal: Floats
@@ -138,9 +135,7 @@ class FrameModel:
     """How much more than the tolerance the nearest links lack to their margin, over the leg."""
 
 
-def frame_model(
-    costs: CostModel, q: Floats, targets: EdgeTargets, proximal: Proximal | None, around: Neighbours | None
-) -> FrameModel:
+def frame_model(costs: CostModel, q: Floats, targets: EdgeTargets, proximal: Proximal | None) -> FrameModel:
     """Return the model at a configuration (nq,).
 
     Args:
@@ -148,16 +143,14 @@ def frame_model(
         q: (nq,).
         targets: of the frame.
         proximal: draws the pose towards another; None for no such term.
-        around: the frames that costs join with this one; None without any.
     """
     cost, gradient, normal = costs.problem.model(q, targets)
     slope, deficit = costs.problem.inequalities.rows(q, targets)
     near = costs.measured(q[None], targets.clip)
     apart, lacking = costs.row_lower(near.deficit), float(costs.lacking(near.deficit))
     own = costs.terms(q, targets)
-    joining = costs.joining(ContactRows(near.slope, apart), q, around) if around is not None and costs.offsets else ()
     total = float(cost) + costs.options.overlap_cost * lacking**2 + sum(float(term[0]) for term in own)
-    for _, pull, weight in (*own, *joining):
+    for _, pull, weight in own:
         gradient, normal = gradient + pull, normal + weight
     if proximal is not None:
         gradient += proximal.weight * proximal.change(costs.robot, q)

@@ -107,7 +107,7 @@ def _compile(function: ca.Function, compiler: str, library: Path) -> None:
 
 
 PACKAGE = Path(__file__).parents[1]
-SOURCES = ("graph", "robot", "solver/problem.py", "solver/stencils.py")
+SOURCES = ("graph", "robot", "solver/problem.py")
 """The code that builds functions."""
 
 

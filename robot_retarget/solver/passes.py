@@ -14,7 +14,7 @@ from robot_retarget.solver.limits import Differences, JointBounds
 from robot_retarget.solver.options import Smoothing
 from robot_retarget.solver.problem import ClipTargets, targets_of
 from robot_retarget.solver.quadratic import Proximal
-from robot_retarget.solver.smooth import SmoothSystem, joined_offsets, joined_rows, within_speeds
+from robot_retarget.solver.smooth import smooth_offsets, within_speeds
 from robot_retarget.solver.sqp import FrameSolver
 
 ROUNDS = 3
@@ -79,7 +79,7 @@ def clip_passes(clip: ClipProblem, start: Floats, count: Count) -> list[FrameSol
 
     The alternating direction method of multipliers solves  Σ f_t(q_t) + Σ κ ‖s_{t−1} − 2 s_t + s_{t+1} − b_t‖²  subject to
     q_t = s_t: every pass moves each frame by one step against ρ‖q_t ⊖ s_t + y_t‖², then the path s, then the
-    multipliers y. Symbolic costs over several frames are part of the path (`smooth.joined_offsets`). Path and multipliers see q_t
+    multipliers y. Path and multipliers see q_t
     over-relaxed, s_t ⊕ α (q_t ⊖ s_t) [Boyd2011, 3.4.3]. The path moves the sooner the weaker ρ is, and the last pass draws the
     frames to it with a ρ `Smoothing.closing` times as large. Even frames step together, then odd ones, so that the neighbours
     of a stepping frame do not move. After the first passes, only frames whose cost still falls step (`Smoothing.extra`). The function returns the frames, not the path, because the frames satisfy all
@@ -163,25 +163,16 @@ class Passes:
         relaxed = integrate(robot, self.path, away)  # beyond the path: s ⊕ α (q ⊖ s)
         drawn = integrate(robot, relaxed, self.dual)
         speed = difference(robot, drawn[:-1], drawn[1:])
-        system = SmoothSystem(clip.smooth.weight / self.rho, clip.fixed)
-        self.path = self._joined(system, integrate(robot, drawn, system.offsets(speed, clip.smooth.bend)))
+        offsets = smooth_offsets(speed, clip.smooth.weight / self.rho, clip.fixed, clip.smooth.bend)
+        self.path = integrate(robot, drawn, offsets)
         self.dual += difference(robot, self.path, relaxed)
         self.dual[: clip.fixed] = 0.0
-
-    def _joined(self, system: SmoothSystem, path: Floats) -> Floats:
-        """Return the path moved by symbolic costs over several frames."""
-        clip, costs = self.clip, self.clip.solver.problem.stencils
-        if not costs:
-            return path
-        rows = [joined_rows(cost, path, clip.all_targets, 1 / clip.fps) for cost in costs]
-        return integrate(clip.solver.robot, path, joined_offsets(rows, system, self.rho, self.dual.shape))
 
     def _step_half(self, half: Ints, descent: Descent, moving: Bools, active: Ints) -> None:
         """Step some of the even or odd frames."""
         clip, solver = self.clip, self.clip.solver
         descent.box = clip.box(self.qpos, half)
         descent.proximal = Proximal(self.path[half], -self.dual[half], self.rho)
-        descent.around = solver.neighbours(self.qpos, clip.all_targets, half, 1 / clip.fps)
         if self.interpenetrating:
             descent.between = [_between(clip, self.qpos, t, self.interpenetrating) for t in half.tolist()]
             solver.renew(descent, np.flatnonzero([bool(ways) for ways in descent.between]))
@@ -260,7 +251,6 @@ def _solved_again(
             qpos[half],
             clip.all_targets.frames(half),
             proximal=proximal.of(half),
-            around=solver.neighbours(qpos, clip.all_targets, half, 1 / clip.fps),
             box=clip.box(qpos, half),
             between=ways if any(ways) else None,
         )

@@ -32,7 +32,6 @@ from robot_retarget.graph.track import (
     Track,
     columns_of,
     frame_costs,
-    joins,
     ordered,
 )
 from robot_retarget.human.match import Match
@@ -44,12 +43,8 @@ from robot_retarget.solver.limits import ConstantLimits, JointLimits, Targets
 from robot_retarget.solver.limits import EdgeTargets as EdgeTargets
 from robot_retarget.solver.limits import targets_of as targets_of
 from robot_retarget.solver.native import build_key
-from robot_retarget.solver.stencils import StencilCost
 
 # Which kinds a solver can honour; any other is an error, never a row that is ignored.
-
-FARTHEST = 2
-"""The stencil of a symbolic cost spans at most this number of frames before and after its own."""
 
 
 def require_honoured(robot: Robot, tracks: Sequence[Track], lag: int | None) -> None:
@@ -96,16 +91,9 @@ def _written(stencil: tuple[int, ...]) -> str:
 
 def _stencil_refused(kind: Kind, lag: int | None) -> str:
     """Return why the solver cannot honour the role, form and stencil of a kind; empty if it can."""
-    stencil = kind.stencil
-    if lag is not None and kind.form is not Form.JOINT and stencil[-1] > 0:
-        return "a stream knows no later frames"
-    if (kind.role, kind.form) == (Role.COST, Form.SYMBOLIC):
-        spans = (
-            set(stencil) <= set(range(-FARTHEST, FARTHEST + 1)) and 0 in stencil and len(set(stencil)) == len(stencil)
-        )
-        return "" if spans else f"a stencil has its own frame 0 and others up to {FARTHEST} frames away"
     honoured = {
-        (Role.COST, Form.NUMERIC): (FRAME, STEP),
+        (Role.COST, Form.SYMBOLIC): (FRAME,),
+        (Role.COST, Form.NUMERIC): (FRAME,),
         (Role.COST, Form.JOINT): _differences(lag),
         (Role.INEQUALITY, Form.SYMBOLIC): (FRAME,),
         (Role.INEQUALITY, Form.NUMERIC): (FRAME,),
@@ -115,7 +103,7 @@ def _stencil_refused(kind: Kind, lag: int | None) -> str:
         return "bounds have the joint form, inequalities the symbolic or numeric one"
     listed = " or ".join(_written(each) for each in honoured)
     driver = "a clip" if lag is None else "a stream"
-    return "" if stencil in honoured else f"the solver of {driver} honours {listed}"
+    return "" if kind.stencil in honoured else f"the solver of {driver} honours {listed}"
 
 
 def _differences(lag: int | None) -> tuple[tuple[int, ...], ...]:
@@ -188,8 +176,6 @@ class Problem:
     """All tracks of the graph in the order of `track.ordered`; their targets are parameters."""
     parts: tuple[CompiledTracks, ...]
     inequalities: "Inequalities"
-    stencils: tuple[StencilCost, ...]
-    """The symbolic costs that join several frames."""
     streams: bool = False
     """Whether frames come one by one: edges that do not follow the human keep their targets."""
 
@@ -213,11 +199,11 @@ class Problem:
     @property
     def native(self) -> bool:
         """Whether machine code evaluates every part."""
-        return all(part.build.native for part in (*self.parts, *self.stencils))
+        return all(part.build.native for part in self.parts)
 
     def wait(self) -> None:
         """Wait until the machine code is ready or cannot be compiled."""
-        for part in (*self.parts, *self.stencils, self.inequalities):
+        for part in (*self.parts, self.inequalities):
             part.build.wait()
 
     def model(self, q: Floats, targets: Targets, threads: int = 1) -> tuple[Floats, Floats, Floats]:
@@ -325,9 +311,8 @@ def build_problem(
         if group:
             first, shipped = columns[group[0].name].start, group is groups[0]
             parts.append(CompiledTracks(robot, match, group, first, native and shipped, shipped))
-    joined = tuple(StencilCost(robot, match, track, columns[track.name], native) for track in tracks if joins(track))
     inequalities = Inequalities(robot, match, tracks, native)
-    return Problem(robot, match, tracks, tuple(parts), inequalities, joined, lag is not None)
+    return Problem(robot, match, tracks, tuple(parts), inequalities, lag is not None)
 
 
 class _Terms:

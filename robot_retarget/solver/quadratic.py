@@ -8,15 +8,19 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, Ints
-from robot_retarget.graph.rows import ContactRows, MeasureRows, Past, RowState, RowStates
-from robot_retarget.graph.track import FRAME, Form, Role, Track
+from robot_retarget.graph.rows import RowState
+from robot_retarget.graph.track import Form, Role, Track
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import SweptConfiguration, difference
+from robot_retarget.solver.limits import Targets
 from robot_retarget.solver.near_links import LinearizedDistances, NearLinks
 from robot_retarget.solver.options import SolveOptions
 from robot_retarget.solver.problem import ClipTargets, EdgeTargets, Problem
-from robot_retarget.solver.stencils import ClipNeighbours, Neighbours, Terms, terms
 
+Terms = tuple[Floats, Floats, Floats]
+"""Costs (…), halves of their gradients (…, nv) and their normal matrices (…, nv, nv)."""
+Sides = tuple[Floats, Floats, Floats]
+"""Lower bounds, upper bounds and priorities (…, E) of the edges of a track."""
 Between = Sequence[tuple[SweptConfiguration, ...]]
 """Per frame, configurations between it and its neighbours."""
 
@@ -99,42 +103,26 @@ class NumericTrack:
         self.reach, self.threads = options.reach * problem.leg, options.threads
         self._memory: dict[str, object] = {}
 
-    def state(
-        self,
-        q: Floats,
-        targets: EdgeTargets | None = None,
-        past: Past | None = None,
-        contacts: ContactRows | None = None,
-    ) -> RowState:
-        """Return where the kind is evaluated."""
-        sides = None if targets is None else (targets.lower, targets.upper, targets.priority)
-        own = None if sides is None else (sides[0][self.columns], sides[1][self.columns], sides[2][self.columns])
-        return RowState(self.problem.robot, self.problem.match, q, self.reach, past, contacts, own, self._memory)
+    def state(self, q: Floats, targets: Targets | None = None) -> RowState:
+        """Return where the kind is evaluated: at configurations (…, nq)."""
+        sides = None
+        if targets is not None:
+            own = (..., self.columns)
+            sides = targets.lower[own], targets.upper[own], targets.priority[own]
+        return RowState(self.problem.robot, self.problem.match, q, self.reach, sides, self._memory, self.threads)
 
-    def rows(
-        self, q: Floats, targets: EdgeTargets, past: Past | None = None, contacts: ContactRows | None = None
-    ) -> MeasureRows | None:
-        """Return the rows of the kind at a configuration."""
-        return self.track.kind.rows(self.track, self.state(q, targets, past, contacts))
-
-    def terms(self, q: Floats, targets: EdgeTargets, past: Past | None, contacts: ContactRows | None) -> Terms | None:
+    def terms(self, q: Floats, targets: EdgeTargets) -> Terms | None:
         """Return the terms of a cost; None if no edge has a cost."""
-        rows = self.rows(q, targets, past, contacts)
+        rows = self.track.kind.rows(self.track, self.state(q, targets))
         if rows is None:
             return None
         own, edges = self.columns, np.asarray(rows.edges)
         sides = targets.lower[own][edges], targets.upper[own][edges], targets.priority[own][edges]
         return terms(self.track, rows.values, rows.slope, sides, edges)
 
-    def states(self, q: Floats, targets: ClipTargets | None = None) -> RowStates:
-        """Return where an inequality is evaluated: at configurations (N, nq)."""
-        own = self.columns
-        sides = None if targets is None else (targets.lower[:, own], targets.upper[:, own], targets.priority[:, own])
-        return RowStates(self.problem.robot, self.problem.match, q, self.reach, sides, self._memory, self.threads)
-
     def near(self, q: Floats, targets: ClipTargets) -> LinearizedDistances:
         """Return the rows of an inequality at configurations (N, nq)."""
-        rows = self.track.kind.clip_rows(self.track, self.states(q, targets))
+        rows = self.track.kind.clip_rows(self.track, self.state(q, targets))
         edges = self.columns.start + rows.edges
         bound = np.minimum(targets.lower[rows.frame, edges], rows.rest)
         return LinearizedDistances(rows.frame, rows.values, rows.slope, bound, edges)
@@ -156,15 +144,10 @@ class CostModel:
         self.problem, self.robot, self.leg, self.options = problem, problem.robot, problem.leg, options
         numeric = [NumericTrack(problem, t, options) for t in problem.tracks if t.kind.form is Form.NUMERIC]
         self.numeric = [each for each in numeric if each.track.role is Role.COST]
-        self.alone = [each for each in self.numeric if each.track.stencil == FRAME]
-        self.changing = [each for each in self.numeric if each.track.stencil != FRAME]
         self.surfaces = [each for each in numeric if each.track.role is Role.INEQUALITY]
         """The kinds that keep surfaces apart; they share one slack."""
         self.most = sum(each.track.kind.most for each in self.surfaces)
         self.rows = len(problem.inequalities) + self.most
-        joined = {offset for cost in problem.stencils for offset in cost.offsets}
-        self.offsets = joined | {-1 for _ in self.changing}
-        """The frames, relative to one, that share an edge with it."""
 
     def linearize(
         self, q: Floats, targets: ClipTargets, between: Between | None = None, known: NearLinks | None = None
@@ -192,7 +175,7 @@ class CostModel:
     def _costs(self, q: Floats, targets: ClipTargets) -> tuple[Floats, Floats, Floats]:
         """Return cost, gradient and normal matrix of the costs of single frames."""
         total, gradient, normal = self.problem.model(q, targets, self.options.threads)
-        for k in range(len(q) if self.alone else 0):
+        for k in range(len(q) if self.numeric else 0):
             for found in self.terms(q[k], targets.at(k)):
                 total[k] += found[0]
                 gradient[k] += found[1]
@@ -201,7 +184,7 @@ class CostModel:
 
     def terms(self, q: Floats, targets: EdgeTargets) -> list[Terms]:
         """Return the terms of the numeric costs of one frame at a configuration (nq,)."""
-        return [found for each in self.alone if (found := each.terms(q, targets, None, None)) is not None]
+        return [found for each in self.numeric if (found := each.terms(q, targets)) is not None]
 
     def _near(self, q: Floats, targets: ClipTargets, known: NearLinks | None) -> tuple[NearLinks, Floats]:
         """Return the links near each other, and their deficits (N, C) [m]; links measured nearby are extrapolated."""
@@ -215,18 +198,15 @@ class CostModel:
             moved[stale] = 0.0
         return known, known.deficit - np.einsum("tcv,tv->tc", known.slope, moved)
 
-    def cost(self, q: Floats, targets: EdgeTargets, past: Past | None = None) -> float:
+    def cost(self, q: Floats, targets: EdgeTargets) -> float:
         """The minimised cost of a frame at a configuration."""
-        parts = self.parts(q[None], targets.clip, [past])
+        parts = self.parts(q[None], targets.clip)
         return float(self.problem.cost(q, targets)) + float(sum(part[0] for part in parts.values()))
 
-    def parts(self, q: Floats, targets: ClipTargets, past: Sequence[Past | None]) -> dict[str, Floats]:
+    def parts(self, q: Floats, targets: ClipTargets) -> dict[str, Floats]:
         """Return the costs (N,) of each numeric kind at configurations (N, nq); of surfaces, that of their slack.
 
         It is the cost of the kind that needs the slack most.
-
-        Args:
-            past: the frame before each; None without it.
         """
         found = {each.track.name: np.zeros(len(q)) for each in (*self.surfaces, *self.numeric)}
         near = [each.near(q, targets) for each in self.surfaces]
@@ -234,17 +214,11 @@ class CostModel:
         for k, each in enumerate(self.surfaces):
             worst = lacking.argmax(axis=0) == k
             found[each.track.name][worst] = self.options.overlap_cost * lacking[k, worst] ** 2
-        contacts = self._contacts(q, near) if self.numeric and near else [None] * len(q)
         for cost in self.numeric:
-            for t, before in enumerate(past):
-                terms = cost.terms(q[t], targets.at(t), before, None if before is None else contacts[t])
+            for t, own in enumerate(q):
+                terms = cost.terms(own, targets.at(t))
                 found[cost.track.name][t] = terms[0] if terms else 0.0
         return found
-
-    def _contacts(self, q: Floats, near: Sequence[LinearizedDistances]) -> list[ContactRows]:
-        """Return the rows of surfaces near each other at each of the configurations (N, nq) at which they are measured."""
-        links = NearLinks.measured(q, LinearizedDistances.joined(near), self.most)
-        return [ContactRows(*rows) for rows in zip(links.slope, self.row_lower(links.deficit), strict=True)]
 
     def row_lower(self, deficit: Floats) -> Floats:
         """Return the least change (…) of distances with deficits (…) [m]; a tolerated deficit asks for none."""
@@ -305,50 +279,41 @@ class CostModel:
         }
         return Quadratic(**columns)
 
-    def with_neighbours(self, current: Quadratic, q: Floats, around: ClipNeighbours | Neighbours | None) -> Quadratic:
-        """The model with the costs that join frames with their neighbours on top."""
-        if around is None or not (self.offsets if around.alone else self.changing):
-            return current
-        total = [current.cost.copy(), current.gradient.copy(), current.normal.copy()]
-        first = len(self.problem.inequalities)
-        for k in range(len(q) if self.changing else 0):
-            contacts = ContactRows(current.rows[k, first:, :-1], current.row_lower[k, first:])
-            for found in self.since(contacts, q[k], around.at(k)):
-                for sums, part in zip(total, found, strict=True):
-                    sums[k] += part
-        for cost in self.problem.stencils if around.alone else ():
-            for sums, part in zip(total, cost.terms(q, around), strict=True):
-                sums += part
-        return replace(current, cost=total[0], gradient=total[1], normal=total[2])
-
-    def joining(self, contacts: ContactRows, q: Floats, around: Neighbours) -> list[Terms]:
-        """Return the terms that join a frame at a configuration (nq,) with its neighbours."""
-        joined = [cost.terms(q[None], around) for cost in self.problem.stencils]
-        return [*self.since(contacts, q, around), *((cost[0], pull[0], weight[0]) for cost, pull, weight in joined)]
-
-    def since(self, contacts: ContactRows, q: Floats, around: Neighbours) -> list[Terms]:
-        """Return the terms of numeric costs that join a frame at a configuration (nq,) with the frame before."""
-        past, known = around.past, contacts if self.surfaces else None
-        if past is None:
-            return []
-        found = [cost.terms(q, around.targets[0], past, known) for cost in self.changing]
-        return [each for each in found if each is not None]
-
     def projected(self, q: Floats) -> Floats:
         """Return the configuration with closed chains and meshed gears; the same array where no kind changes it."""
         return reduce(lambda found, cost: cost.track.kind.projected(cost.track, cost.state(found)), self.numeric, q)
 
     def overlap(self, q: Floats) -> Floats:
         """Return the depths (N,) of the deepest overlaps of two links at configurations (N, nq) [m]."""
-        depths = (each.track.kind.overlap(each.track, each.states(q)) for each in self.surfaces)
+        depths = (each.track.kind.overlap(each.track, each.state(q)) for each in self.surfaces)
         return reduce(np.maximum, depths, np.zeros(len(q)))
 
     def penetration(self, q: Floats) -> Floats:
         """Return the depths (N,) of the lowest surfaces under the floor at configurations (N, nq) [m]."""
-        depths = (each.track.kind.penetration(each.track, each.states(q)) for each in self.surfaces)
+        depths = (each.track.kind.penetration(each.track, each.state(q)) for each in self.surfaces)
         return reduce(np.maximum, depths, np.zeros(len(q)))
 
 
 def diagonal(matrices: Floats) -> Floats:
     """Return the view (…, n) of the diagonals of contiguous matrices (…, n, n)."""
     return matrices.reshape(*matrices.shape[:-2], -1)[..., :: matrices.shape[-1] + 1]
+
+
+def terms(track: Track, values: Floats, slope: Floats, sides: Sides, edges: np.ndarray) -> Terms:
+    """Return Σ π ϱ(e) of rows of a track, its half gradient and normal matrix, by reweighted least squares.
+
+    Args:
+        track: gives scales and the Huber scale.
+        values: (R,) measures.
+        slope: (R, nv) their Jacobian.
+        sides: (R,) targets of the rows.
+        edges: (R,) the edge of every row.
+    """
+    (lower, upper, priority), scale = sides, track.scale[edges]
+    residual = values - np.clip(values, lower, upper)
+    weight = np.where((values > lower) & (values < upper), 0.0, priority / scale**2)
+    cost = weight * residual**2
+    if np.isfinite(track.huber_delta):
+        root = np.sqrt(1 + (residual / (scale * track.huber_delta)) ** 2)
+        cost, weight = 2 * track.huber_delta**2 * priority * (root - 1), weight / root
+    return cost.sum(), slope.T @ (weight * residual), slope.T @ (weight[:, None] * slope)

@@ -21,11 +21,10 @@ from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solver.descent import Box, FrameSolution
 from robot_retarget.solver.options import RealTime
-from robot_retarget.solver.problem import FARTHEST, EdgeTargets
+from robot_retarget.solver.problem import EdgeTargets
 from robot_retarget.solver.quadratic import Proximal
 from robot_retarget.solver.smooth import smooth_offsets
 from robot_retarget.solver.sqp import FrameSolver
-from robot_retarget.solver.stencils import Neighbours
 
 # The home pose of a frame: the end of a descent from the standing pose, independent of the past.
 #
@@ -155,8 +154,6 @@ class RealTimeSolver:
         self.root[: 3 if free else 0] = options.root_speed
         self.home: BasinEscape = BasinEscape(solver, options)
         self.pose: FrameSolution | None = None
-        self.before: deque[Floats] = deque(maxlen=FARTHEST)
-        """Configurations (nq,) of the latest frames, the latest first."""
         self.velocity: Floats = np.zeros(self.robot.model.nv)
         """(nv,) velocity of the pose [rad/s, m/s]."""
         self.pace: float = 1.0
@@ -197,21 +194,18 @@ class RealTimeSolver:
         anchor[self.robot.qpos_index] = anchor[self.robot.qpos_index].clip(box.lower, box.upper)
         inertia = self.solver.problem.limits.differences(targets, CAUSAL_DIFFERENCE).weight
         proximal = Proximal(anchor, np.zeros_like(self.velocity), weight * inertia)
-        around = Neighbours({-1 - k: q for k, q in enumerate(self.before)}, {0: targets}, seconds)
         steps = max(1, round(options.steps * seconds))
-        pose = self.solver.real_time_step(anchor, targets, proximal, box, steps, around)
+        pose = self.solver.real_time_step(anchor, targets, proximal, box, steps)
         if pose.status is Status.BLOCKED:
             self.home.lead = None
-            pose = self.solver.real_time_step(
-                before, targets, proximal, self.solver.reachable(before, targets, seconds), 1, around
-            )
+            box = self.solver.reachable(before, targets, seconds)
+            pose = self.solver.real_time_step(before, targets, proximal, box, 1)
         pose = self.solver.repaired(before, pose, targets)
         self.home.search_step(pose, targets, standing, seconds)
         return self._kept(pose, difference(self.robot, before, pose.qpos) / seconds)
 
     def _kept(self, pose: FrameSolution, velocity: Floats) -> FrameSolution:
         self.pose, self.velocity = pose, velocity
-        self.before.appendleft(pose.qpos)
         return pose
 
     def _reachable(self, before: Floats, targets: EdgeTargets, seconds: float) -> Box:
@@ -291,6 +285,5 @@ class FixedLag:
         start, columns = integrate(self.robot, first.pose.qpos, offset), self.robot.qpos_index
         start[columns] = np.clip(start[columns], box.lower, box.upper)
         proximal = Proximal(start, np.zeros(len(offset)), weight)
-        around = Neighbours({-1 - k: q for k, q in enumerate(reversed(self.given))}, {0: first.targets}, first.seconds)
-        pose = self.solver.real_time_step(start, first.targets, proximal, box, 1, around)
+        pose = self.solver.real_time_step(start, first.targets, proximal, box, 1)
         return self.solver.repaired(before, pose, first.targets)

@@ -12,7 +12,7 @@ from robot_retarget.graph.graph import EdgeError
 from robot_retarget.graph.track import HARD, Status, Track
 from robot_retarget.robot.kinematics import integrate
 from robot_retarget.solver.limits import JointBounds
-from robot_retarget.solver.problem import FARTHEST, EdgeTargets, Problem, targets_of
+from robot_retarget.solver.problem import EdgeTargets, Problem, targets_of
 from robot_retarget.solver.sqp import FrameSolver
 from robot_retarget.trajectory import Trajectory
 
@@ -189,20 +189,14 @@ def _slope(solver: FrameSolver, qpos: Floats, t: int, track: Track, edge: int) -
     step = np.zeros((len(solver.hinges), solver.robot.model.nv))
     step[np.arange(len(step)), solver.hinges] = PROBE
     probes = integrate(solver.robot, np.tile(qpos[t], (2 * len(step), 1)), np.concatenate([step, -step]))
-    ahead, behind = np.split(_measured(solver.problem, track.name, qpos, t, probes)[:, edge], 2)
+    ahead, behind = np.split(_measured(solver.problem, track.name, probes)[:, edge], 2)
     return (ahead - behind) / (2 * PROBE)
 
 
-def _measured(problem: Problem, kind: str, qpos: Floats, t: int, probes: Floats) -> Floats:
-    """Return the measures (N, E) of a kind with a frame at some configurations (N, nq) and the others unchanged."""
+def _measured(problem: Problem, kind: str, probes: Floats) -> Floats:
+    """Return the measures (N, E) of a kind at configurations (N, nq)."""
     if kind in problem.inequalities.columns:
         return problem.inequalities.values(probes)[:, problem.inequalities.columns[kind]]
-    joined = [cost for cost in problem.stencils if cost.track.name == kind]
-    if joined:
-        first = max(t - FARTHEST, 0)
-        near = np.repeat(qpos[None, first : t + FARTHEST + 1], len(probes), axis=0)
-        near[:, t - first] = probes
-        return np.array([joined[0].values(frames)[t - first] for frames in near])
     return problem.values(probes)[:, problem.columns[kind]]
 
 

@@ -1,6 +1,5 @@
 """One frame: sequential quadratic programming in a trust region; steps keep ranges, floor and separation."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,7 +16,6 @@ from robot_retarget.solver.limits import JointBounds, Targets
 from robot_retarget.solver.options import SolveOptions
 from robot_retarget.solver.problem import ClipTargets, EdgeTargets, Problem
 from robot_retarget.solver.quadratic import Between, CostModel, Proximal, Quadratic, diagonal
-from robot_retarget.solver.stencils import ClipNeighbours, Neighbours
 
 UNSEEN = 0.03
 """The last step of a descent, which gains little, is accepted without evaluation if no hinge turns further [rad]."""
@@ -47,7 +45,6 @@ class FrameSolver:
         targets: EdgeTargets,
         *,
         proximal: Proximal | None = None,
-        around: Neighbours | None = None,
         between: tuple[SweptConfiguration, ...] = (),
         box: Box | None = None,
         **options: Any,
@@ -58,7 +55,6 @@ class FrameSolver:
             qpos[None],
             targets.clip,
             proximal=proximal and proximal.clip,
-            around=around,
             between=[between] if between else None,
             box=box and box.clip,
             **options,
@@ -70,7 +66,6 @@ class FrameSolver:
         targets: ClipTargets,
         *,
         proximal: Proximal | None = None,
-        around: ClipNeighbours | Neighbours | None = None,
         iterations: int | None = None,
         tolerance: float | None = None,
         box: Box | None = None,
@@ -82,7 +77,6 @@ class FrameSolver:
             start: (N, nq) configurations.
             targets: of the N frames.
             proximal: draws the poses towards others.
-            around: the frames that costs join with the N frames.
             iterations: accepted steps at most.
             tolerance: a smaller gain ends a descent, as a share of the cost [-].
             box: the interval of each hinge; by default the bounds of the frames.
@@ -90,7 +84,7 @@ class FrameSolver:
         """
         most = iterations or self.options.iterations
         descent = self.begin(start, targets, box or self.ranges(targets), between)
-        descent.proximal, descent.around, descent.tolerance = proximal, around, tolerance or self.options.tolerance
+        descent.proximal, descent.tolerance = proximal, tolerance or self.options.tolerance
         regions, active = descent.regions, np.arange(len(start))
         while active.size:
             active = self._advance(descent, active)
@@ -114,7 +108,7 @@ class FrameSolver:
         """Linearise some frames of a descent again, with the rows of links on their ways."""
         if not frames.size:
             return
-        targets, _, between = descent.at(frames)
+        targets, between = descent.at(frames)
         found = self.costs.linearize(descent.qpos[frames], targets, between)
         descent.base.put(frames, found, np.ones(len(frames), dtype=bool))
 
@@ -127,7 +121,7 @@ class FrameSolver:
     def _advance(self, descent: Descent, active: Ints) -> Ints:
         """Try a step of the active frames and accept it where the cost falls; return the frames that still move."""
         q, base, index = descent.qpos[active], descent.base, self.robot.qpos_index
-        own = self._with_terms(descent, base.of(active), q, active)
+        own = self.costs.with_proximal(base.of(active), q, descent.proximal and descent.proximal.of(active))
         box, regions = descent.box.at(active), descent.regions
         entering = descent.entering[active] & (box.outside(q[:, index]) > 1e-6)
         descent.entering[active] = entering
@@ -142,9 +136,9 @@ class FrameSolver:
         if not active.size:
             return active
         moved = integrate(self.robot, q[going], step)
-        targets, _, between = descent.at(active)
+        targets, between = descent.at(active)
         trial = self.costs.linearize(moved, targets, between, base.near.of(active))
-        lowered = self._with_terms(descent, trial, moved, active)
+        lowered = self.costs.with_proximal(trial, moved, descent.proximal and descent.proximal.of(active))
         into = entering[going] & (trial.clearance_deficit <= own.clearance_deficit[going])
         taken = (lowered.cost < own.cost[going]) | into | own.penetrates_floor[going]
         descent.qpos[active[taken]] = moved[taken]
@@ -160,7 +154,6 @@ class FrameSolver:
         proximal: Proximal | None,
         box: Box,
         steps: int,
-        around: Neighbours | None = None,
     ) -> FrameSolution:
         """Take a number of steps and accept each: the real-time iteration of [Diehl2005], from a start that is a good prediction.
 
@@ -169,7 +162,7 @@ class FrameSolver:
         q, taken, status, model = start, 0, Status.OUT_OF_ITERATIONS, None
         radius, damping = self.options.trust_region, self.options.damping
         while taken < steps and status is Status.OUT_OF_ITERATIONS:
-            model = frame_model(self.costs, q, targets, proximal, around)
+            model = frame_model(self.costs, q, targets, proximal)
             program = *self._curvature(model.gradient, model.normal, damping), *self._bounds(q, radius, box)
             found, kept = self.programs.solve_frame(*program, model.rows, model.row_lower)
             if not kept:
@@ -180,12 +173,6 @@ class FrameSolver:
                 status = Status.CONVERGED
         assert model is not None
         return self._closed(FrameSolution(q, status, model.cost, taken, model.clearance_deficit))
-
-    def _with_terms(self, descent: Descent, base: Quadratic, q: Floats, frames: Ints) -> Quadratic:
-        """Return the model of frames at q with the terms of proximal and neighbours."""
-        proximal = descent.proximal and descent.proximal.of(frames)
-        around = descent.around and descent.around.of(frames)
-        return self.costs.with_neighbours(self.costs.with_proximal(base, q, proximal), q, around)
 
     def _steps(
         self, q: Floats, current: Quadratic, radius: Floats, damping: Floats, box: Box
@@ -246,20 +233,6 @@ class FrameSolver:
         """Return the ranges of the hinges at a frame, cut to the angles in reach of a configuration (nq,) within a time [s]."""
         bounds = self.bounds(targets)
         return Box(bounds.lower, bounds.upper).around([(before[self.robot.qpos_index], bounds.speed * time)])
-
-    def neighbours(
-        self, qpos: Floats | Sequence[Floats], all_targets: ClipTargets, frames: Ints, seconds: float
-    ) -> ClipNeighbours | None:
-        """Return the frames that costs join with some frames of a clip; None if no cost joins frames.
-
-        Args:
-            qpos: (nq,) of the first frames, or of all frames.
-            all_targets: of all frames.
-            frames: (N,) indices of the frames.
-            seconds: time from frame to frame [s].
-        """
-        offsets = tuple(self.costs.offsets)
-        return ClipNeighbours(qpos, all_targets, frames, offsets, seconds) if offsets else None
 
     def depth(self, qpos: Floats) -> float:
         """Return the depth of the deepest overlap of two links [m], for the pairs that are kept apart."""

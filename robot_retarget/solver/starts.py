@@ -180,11 +180,9 @@ def causal_poses(solver: FrameSolver, graph: RobotGraph, search: Search, count: 
         targets = all_targets.at(t)
         box = solver.reachable(before, targets, 1 / graph.fps) if t else solver.ranges(targets)
         start = predicted(solver.robot, poses, box) if t > 2 else before
-        known = solver.neighbours([pose.qpos for pose in poses], all_targets, np.array([t]), 1 / graph.fps)
-        around = known and known.at(0)
-        pose = solver.solve_frame(start, targets, around=around, box=box)
+        pose = solver.solve_frame(start, targets, box=box)
         if t > 2 and pose.clearance_deficit > 0:  # links may have gone around each other on the wrong side
-            again = solver.solve_frame(before, targets, around=around, box=box)
+            again = solver.solve_frame(before, targets, box=box)
             pose = min(pose, again, key=lambda end: end.cost)
         poses.append(solver.repaired(before, pose, targets))
         before = poses[-1].qpos

@@ -31,7 +31,6 @@ from robot_retarget.graph.track import limit
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot, world_points
-from robot_retarget.solver.balance.balanced_ik import BalancedIk
 from robot_retarget.solver.options import Smoothing
 from robot_retarget.solver.problem import build_problem
 from robot_retarget.solver.solution import Solution
@@ -124,54 +123,6 @@ class Low(Below):
 
 
 @dataclass(frozen=True)
-class Slower(Below):
-    """The hand rises from frame to frame by less than it would."""
-
-    name: str = "slower"
-    role = Role.COST
-    stencil = (-1, 0)
-
-    def targets(self, context: RetargetContext) -> Track:
-        return exact(self, [("r_hand", "r_hand a frame before")], np.zeros((len(context.human), 1)), 600.0, context.leg)
-
-    def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
-        return body.keypoint("r_hand")[2] - body.at(-1).keypoint("r_hand")[2]
-
-    def value(self, qpos: Floats, fps: float) -> Floats:
-        return change(hand(qpos))
-
-
-@dataclass(frozen=True)
-class Even(Slower):
-    """The hand changes its speed little, by the two frames before."""
-
-    name: str = "even"
-    stencil = (-2, -1, 0)
-
-    def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
-        now, before, first = (body.at(k).keypoint("r_hand")[2] for k in (0, -1, -2))
-        return now - 2 * before + first
-
-    def value(self, qpos: Floats, fps: float) -> Floats:
-        return np.pad(np.diff(hand(qpos), 2, axis=0), ((2, 0), (0, 0)))
-
-
-@dataclass(frozen=True)
-class Centred(Slower):
-    """The hand changes its speed little, by the frame before and the frame after."""
-
-    name: str = "centred"
-    stencil = (-1, 0, 1)
-
-    def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
-        before, now, after = (body.at(k).keypoint("r_hand")[2] for k in (-1, 0, 1))
-        return before - 2 * now + after
-
-    def value(self, qpos: Floats, fps: float) -> Floats:
-        return np.pad(np.diff(hand(qpos), 2, axis=0), ((1, 1), (0, 0)))
-
-
-@dataclass(frozen=True)
 class Elbow(Kind):
     """A cost that CasADi does not see: the elbow bends as the human's hand rises."""
 
@@ -188,26 +139,6 @@ class Elbow(Kind):
 
     def value(self, qpos: Floats, fps: float) -> Floats:
         return elbow(qpos)
-
-
-@dataclass(frozen=True)
-class Calm(Elbow):
-    """A numeric cost on the change of the elbow since the frame before."""
-
-    name: str = "calm"
-    stencil = (-1, 0)
-
-    def targets(self, context: RetargetContext) -> Track:
-        return exact(self, [("r_el", "r_el a frame before")], np.zeros((len(context.human), 1)), 30.0)
-
-    def rows(self, track: Track, state: RowState) -> MeasureRows | None:
-        found = super().rows(track, state)
-        if state.past is None or found is None:
-            return None
-        return replace(found, values=found.values - elbow(state.past.qpos))
-
-    def value(self, qpos: Floats, fps: float) -> Floats:
-        return change(elbow(qpos))
 
 
 @dataclass(frozen=True)
@@ -254,7 +185,6 @@ class Renamed(SmoothnessKind):
 
 
 COSTS = (Low(), Elbow())
-CHANGES = (Slower(), Even(), Centred(), Calm())
 LIMITS = (Below(), Bent(), Narrow(), Slow())
 
 
@@ -285,24 +215,6 @@ def test_a_cost_follows_its_own_targets_in_clip_and_stream(kind: Kind) -> None:
     assert misses(graph, kind, streamed(kind)).max() < 0.03 < misses(graph, kind, plain_stream()).max()
 
 
-@pytest.mark.parametrize("kind", CHANGES, ids=named)
-def test_a_cost_on_changes_over_frames_is_minimised_and_counted(kind: Any) -> None:
-    """The oracle sums π (d/scale)² over the frames of the returned trajectory."""
-    graph = described(kind)
-    track, found = graph.kinds[kind.name], solve_graph(graph)
-
-    def cost(qpos: Floats) -> float:
-        value = kind.value(qpos, graph.fps)[:, 0] * track.present[:, 0]
-        return float((track.priority[:, 0] * (value / track.scale[0]) ** 2).sum())
-
-    assert found.stress[kind.name].sum() == pytest.approx(cost(found.trajectory.qpos), rel=1e-6)
-    assert cost(found.trajectory.qpos) < 0.9 * cost(plain().trajectory.qpos)
-    if kind.form is Form.SYMBOLIC:  # both frames of a change move; a numeric one moves the later frame alone
-        assert found.cost.sum() < plain().cost.sum() + cost(plain().trajectory.qpos)
-    if kind.stencil[-1] <= 0:
-        assert cost(streamed(kind)) < 0.5 * cost(plain_stream())
-
-
 @pytest.mark.parametrize("kind", LIMITS, ids=named)
 def test_a_limit_holds_at_every_frame_by_its_own_interval_in_clip_and_stream(kind: Kind) -> None:
     graph = described(kind)
@@ -322,14 +234,13 @@ def test_a_limit_is_absent_where_its_priority_is_zero() -> None:
 
 
 def test_every_role_and_form_works_in_balance_and_touch_up() -> None:
-    kinds = (Below(), Elbow(), Slow(), Slower(), Calm())
+    kinds = (Below(), Elbow(), Slow())
     graph = described(*kinds)
     result = rr.solve(graph, balance="static", legs="stand")
     for kind in kinds:
         assert kind.name in result.solution.stress or kind.role is not Role.COST
     off = {kind.name: misses(result.graph, kind, result.trajectory.qpos).max() for kind in kinds}
     assert off["below"] < 1e-3 and off["slow"] < 1e-3 and off["elbow"] < 0.05
-    assert BalancedIk(graph.balanced(1.0)).solver.costs.offsets == {-1, 1}
     edit = Edit("edge", {"a": "l_hand", "b": "head", "at": 0.2, "frames": [12, 14]})
     done = apply_edit(graph, solve_graph(graph).trajectory, edit)
     assert misses(graph, Slow(), done.trajectory.qpos).max() < 1e-3
@@ -404,8 +315,8 @@ def test_second_differences_follow_their_targets() -> None:
 
 STENCILS = ((0,), (-1, 0), (-1, 0, 1), (-2, -1, 0), (0, 3), (-1, 1))
 HONOURED = {
-    (Role.COST, Form.SYMBOLIC): {(0,), (-1, 0), (-1, 0, 1), (-2, -1, 0)},
-    (Role.COST, Form.NUMERIC): {(0,), (-1, 0)},
+    (Role.COST, Form.SYMBOLIC): {(0,)},
+    (Role.COST, Form.NUMERIC): {(0,)},
     (Role.COST, Form.JOINT): {(-1, 0, 1)},
     (Role.INEQUALITY, Form.SYMBOLIC): {(0,)},
     (Role.INEQUALITY, Form.NUMERIC): {(0,)},
@@ -459,14 +370,6 @@ def test_targets_that_the_solver_cannot_honour_are_refused() -> None:
     for reason, track in cases.items():
         with pytest.raises(GraphError, match=reason):
             build_problem(graph.robot, graph.match, (*graph.tracks, track))
-
-
-def test_a_measure_reads_only_the_frames_of_its_stencil() -> None:
-    graph, kind = plain().graph, Slower("rash")
-    track = described(Slower()).kinds["slower"]
-    object.__setattr__(kind, "stencil", (0,))
-    with pytest.raises(GraphError, match="reads frame -1"):
-        build_problem(graph.robot, graph.match, (*graph.tracks, replace(track, kind=kind)))
 
 
 def documented() -> Kind:

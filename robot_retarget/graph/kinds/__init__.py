@@ -7,7 +7,6 @@ from robot_retarget.base.errors import GraphError
 from robot_retarget.graph.kind import Kind
 from robot_retarget.graph.kinds.bodies import ClearanceKind, ContactKind
 from robot_retarget.graph.kinds.foothold import FootholdKind
-from robot_retarget.graph.kinds.interaction import InteractionKind
 from robot_retarget.graph.kinds.joints import CouplingKind, InertiaKind, RangeKind, RestKind, SmoothnessKind, SpeedKind
 from robot_retarget.graph.kinds.pose import CompassKind, OrientationKind, PathKind
 from robot_retarget.graph.kinds.posture import NearKind, PostureKind, TouchKind
@@ -26,7 +25,6 @@ KINDS: tuple[Kind, ...] = (
     RestKind(),
     FootholdKind(),
     SmoothnessKind(),
-    InteractionKind(),
     CouplingKind(),
     FloorKind(),
     SeparationKind(),

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.base.arrays import Floats, Ints
-from robot_retarget.graph.kind import ClipRows, Form, Kind, RetargetContext, Role, RowStates, Track
+from robot_retarget.graph.kind import ClipRows, Form, Kind, RetargetContext, Role, RowState, Track
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
 from robot_retarget.graph.track import limit
 from robot_retarget.human.match import Match
@@ -67,7 +67,7 @@ class SeparationKind(Kind):
         ends = [*pairs, *lying]
         return limit(self, ends, margins, np.inf, len(context.human)) if ends else None
 
-    def clip_rows(self, track: Track, states: RowStates) -> ClipRows:
+    def clip_rows(self, track: Track, states: RowState) -> ClipRows:
         """Return the distances of near surfaces; surfaces without an edge may overlap."""
         watched = _watched(track, states)
         found, slope = watched.surfaces.along(states.qpos, states.threads)
@@ -78,7 +78,7 @@ class SeparationKind(Kind):
         kept = np.flatnonzero(edges >= 0)
         return ClipRows(found.frame[kept], found.distance[kept], slope[kept], edges[kept], rest[kept])
 
-    def overlap(self, track: Track, states: RowStates) -> Floats:
+    def overlap(self, track: Track, states: RowState) -> Floats:
         """Return the depths of the deepest overlaps of two links [m]."""
         watched, found = _watched(track, states), np.zeros(len(states.qpos))
         for k, (depth, geoms) in enumerate(watched.surfaces.overlaps_along(states.qpos, states.threads)):
@@ -86,7 +86,7 @@ class SeparationKind(Kind):
                 found[k] = depth[watched.edges[tuple(geoms.T)] >= 0].max(initial=0.0)
         return found
 
-    def penetration(self, track: Track, states: RowStates) -> Floats:
+    def penetration(self, track: Track, states: RowState) -> Floats:
         """Return the depths of the lowest links other than feet under the floor [m]."""
         return _watched(track, states).surfaces.floor_penetration(states.qpos)
 
@@ -100,7 +100,7 @@ class _Watched:
     """(G + 1, G + 1) the edge of every two geoms, −1 without one; the floor comes last."""
 
 
-def _watched(track: Track, state: RowStates) -> _Watched:
+def _watched(track: Track, state: RowState) -> _Watched:
     if "watched" not in state.memory:
         robot = state.robot
         surfaces = Surfaces(robot, max(state.reach, 2 * float(track.lower.max())), _feet(robot, state.match))
