@@ -24,9 +24,10 @@ from robot_retarget.human.motion import Motion
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solver.clip import measured_by, renewed_tracks
+from robot_retarget.solver.limits import Targets, targets_of
 from robot_retarget.solver.options import Smoothing, SolveOptions
 from robot_retarget.solver.passes import clip_of, clip_passes
-from robot_retarget.solver.problem import ClipTargets, build_problem, targets_of
+from robot_retarget.solver.problem import build_problem
 from robot_retarget.solver.solution import UnmetEdge, unmet_edges, unmet_of_user
 from robot_retarget.solver.sqp import FrameSolver
 from robot_retarget.trajectory import Trajectory
@@ -104,9 +105,7 @@ def apply_edit(graph: RobotGraph, trajectory: Trajectory, edit: Edit) -> EditRes
     return EditResult(edited_graph, done, start, stop - 1, time.perf_counter() - began, reached, unmet)
 
 
-def _offsets(
-    solver: FrameSolver, all_targets: ClipTargets, known: Sequence[Floats], first: int, last: int
-) -> list[Floats]:
+def _offsets(solver: FrameSolver, all_targets: Targets, known: Sequence[Floats], first: int, last: int) -> list[Floats]:
     """Per frame of the edge (nv,) the change that solves it alone, from the change of the frame before."""
     offsets, offset = [], np.zeros(solver.robot.model.nv)
     for t in range(first, last + 1):

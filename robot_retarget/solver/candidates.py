@@ -21,8 +21,8 @@ from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import SweptConfiguration, difference, integrate
 from robot_retarget.robot.model import HINGE
 from robot_retarget.solver.descent import Box, FrameSolution
+from robot_retarget.solver.limits import Targets
 from robot_retarget.solver.options import Search
-from robot_retarget.solver.problem import ClipTargets
 from robot_retarget.solver.quadratic import Between, Proximal
 from robot_retarget.solver.smooth import within_speeds
 from robot_retarget.solver.sqp import FrameSolver
@@ -39,7 +39,7 @@ SHARES = (0.2, 0.4, 0.6, 0.8)
 
 
 def coarse_path(
-    solver: FrameSolver, graph: RobotGraph, all_targets: ClipTargets, search: Search, known: list[Floats] | None = None
+    solver: FrameSolver, graph: RobotGraph, all_targets: Targets, search: Search, known: list[Floats] | None = None
 ) -> list[Floats]:
     """Return a configuration (nq,) per frame: the cheapest path through the candidates, on splines between moments.
 
@@ -77,7 +77,7 @@ class Candidates:
 
     solver: FrameSolver
     graph: RobotGraph
-    all_targets: ClipTargets
+    all_targets: Targets
     search_options: Search
     frames: Ints
     times: Floats
@@ -85,7 +85,7 @@ class Candidates:
     first: int
 
     def __init__(
-        self, solver: FrameSolver, graph: RobotGraph, all_targets: ClipTargets, frames: np.ndarray, search: Search
+        self, solver: FrameSolver, graph: RobotGraph, all_targets: Targets, frames: np.ndarray, search: Search
     ):
         self.solver, self.graph, self.all_targets, self.search_options = solver, graph, all_targets, search
         self.frames, self.times = frames, frames / graph.fps
@@ -124,7 +124,7 @@ class Candidates:
         frames, reference = self.frames[moments].tolist(), self.solver.robot.neutral()
         return self.solver.solve_frames(
             np.array(place_root(self.graph, reference, frames)),
-            self.all_targets.frames(np.array(frames)),
+            self.all_targets.at(np.array(frames)),
             iterations=self.search_options.reached,
             tolerance=self.search_options.tolerance,
         )
@@ -259,7 +259,7 @@ class Candidates:
         A change from the configurations has a small cost, which fixes directions without other costs.
         """
         targets, search, nv = (
-            self.all_targets.frames(self.frames[moments]),
+            self.all_targets.at(self.frames[moments]),
             self.search_options,
             self.solver.robot.model.nv,
         )

@@ -13,9 +13,10 @@ from robot_retarget.graph.track import SECOND_DIFFERENCE, Form, Role, Status, Tr
 from robot_retarget.robot.kinematics import difference, tangent_names
 from robot_retarget.solver.candidates import coarse_path
 from robot_retarget.solver.descent import FrameSolution
+from robot_retarget.solver.limits import targets_of
 from robot_retarget.solver.options import ClipPiece, Search, Smoothing
 from robot_retarget.solver.passes import Passes, clip_of, finished
-from robot_retarget.solver.problem import Problem, targets_of
+from robot_retarget.solver.problem import Problem
 from robot_retarget.solver.sqp import FrameSolver
 
 COARSE = 4

@@ -11,8 +11,8 @@ import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, Ints
 from robot_retarget.graph.track import Status
+from robot_retarget.solver.limits import Targets
 from robot_retarget.solver.options import SolveOptions
-from robot_retarget.solver.problem import ClipTargets, EdgeTargets
 from robot_retarget.solver.quadratic import Between, CostModel, Proximal, Quadratic, diagonal
 
 
@@ -39,13 +39,8 @@ class Box:
         """How far an angle is out of the box (…) [rad]: a step into it is accepted at any cost unless links meet."""
         return np.maximum(self.lower - angles, angles - self.upper).max(axis=-1, initial=0.0)
 
-    @property
-    def clip(self) -> "Box":
-        """The box as that of a clip of one frame."""
-        return Box(self.lower[None], self.upper[None], self.root)
-
-    def at(self, frames: Ints) -> "Box":
-        """Return the box of some frames."""
+    def at(self, frames: Ints | None) -> "Box":
+        """Return the box of some frames; None makes that of a clip of one frame."""
         return Box(self.lower[frames], self.upper[frames], self.root)
 
 
@@ -90,7 +85,7 @@ class Descent:
 
     qpos: Floats
     """(N, nq)."""
-    targets: ClipTargets
+    targets: Targets
     base: Quadratic
     """The model at `qpos`, of the costs of single frames."""
     regions: TrustRegions
@@ -109,12 +104,12 @@ class Descent:
         self.status = np.full(len(self.qpos), Status.OUT_OF_ITERATIONS)
         self.entering = np.ones(len(self.qpos), dtype=bool)
 
-    def at(self, frames: Ints) -> tuple[ClipTargets, Between | None]:
+    def at(self, frames: Ints) -> tuple[Targets, Between | None]:
         """Return targets and ways of some frames."""
         if len(frames) == len(self.qpos):
             return self.targets, self.between
         between = None if self.between is None else [self.between[k] for k in frames.tolist()]
-        return self.targets.frames(frames), between
+        return self.targets.at(frames), between
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +130,7 @@ class FrameModel:
     """How much more than the tolerance the nearest links lack to their margin, over the leg."""
 
 
-def frame_model(costs: CostModel, q: Floats, targets: EdgeTargets, proximal: Proximal | None) -> FrameModel:
+def frame_model(costs: CostModel, q: Floats, targets: Targets, proximal: Proximal | None) -> FrameModel:
     """Return the model at a configuration (nq,).
 
     Args:
@@ -146,7 +141,7 @@ def frame_model(costs: CostModel, q: Floats, targets: EdgeTargets, proximal: Pro
     """
     cost, gradient, normal = costs.problem.model(q, targets)
     slope, deficit = costs.problem.inequalities.rows(q, targets)
-    near = costs.measured(q[None], targets.clip)
+    near = costs.measured(q[None], targets.at(None))
     apart, lacking = costs.row_lower(near.deficit), float(costs.lacking(near.deficit))
     own = costs.terms(q, targets)
     total = float(cost) + costs.options.overlap_cost * lacking**2 + sum(float(term[0]) for term in own)

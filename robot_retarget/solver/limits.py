@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -13,22 +12,8 @@ from robot_retarget.robot.kinematics import tangent_names
 
 
 @dataclass(frozen=True, eq=False)
-class EdgeTargets:
-    """Targets of one frame, (E,) each, of all tracks in the order of `track.ordered`."""
-
-    lower: Floats
-    upper: Floats
-    priority: Floats
-
-    @property
-    def clip(self) -> "ClipTargets":
-        """The targets as those of a clip of one frame."""
-        return ClipTargets(self.lower[None], self.upper[None], self.priority[None])
-
-
-@dataclass(frozen=True, eq=False)
-class ClipTargets:
-    """Targets of T frames, (T, E) each, of all tracks in the order of `track.ordered`."""
+class Targets:
+    """Targets of all tracks in the order of `track.ordered`: (E,) each of one frame, (T, E) of a clip."""
 
     lower: Floats
     upper: Floats
@@ -37,39 +22,24 @@ class ClipTargets:
     def __len__(self) -> int:
         return len(self.lower)
 
-    def at(self, frame: int) -> EdgeTargets:
-        """Of one frame."""
-        return EdgeTargets(self.lower[frame], self.upper[frame], self.priority[frame])
+    def at(self, frames: Ints | int | None) -> "Targets":
+        """Return the targets of one frame or some frames of a clip; None makes a clip of a frame."""
+        return Targets(self.lower[frames], self.upper[frames], self.priority[frames])
 
-    def frames(self, frames: Ints) -> "ClipTargets":
-        """Of some frames (N,)."""
-        return ClipTargets(self.lower[frames], self.upper[frames], self.priority[frames])
-
-    def differ(self, other: "ClipTargets") -> Bools:
+    def differ(self, other: "Targets") -> Bools:
         """Return the frames (T,) at which an edge has another interval or priority."""
         sides = zip(vars(self).values(), vars(other).values(), strict=True)
         return np.any([(own != others).any(axis=1) for own, others in sides], axis=0)
 
 
-def targets_of(tracks: Sequence[Track]) -> ClipTargets:
+def targets_of(tracks: Sequence[Track]) -> Targets:
     """Return the intervals and priorities of a graph's tracks side by side."""
     sides = zip(*((*track.intervals, track.priority) for track in ordered(tracks)), strict=True)
-    return ClipTargets(*(np.concatenate(side, axis=1) for side in sides))
+    return Targets(*(np.concatenate(side, axis=1) for side in sides))
 
 
 UNBOUNDED = 1e6
 """Speed of a joint without a speed edge [rad/s]."""
-
-
-class Targets(Protocol):
-    """Targets (…, E) of all tracks: of one frame, or of all frames of a clip."""
-
-    @property
-    def lower(self) -> Floats: ...
-    @property
-    def upper(self) -> Floats: ...
-    @property
-    def priority(self) -> Floats: ...
 
 
 @dataclass(frozen=True, eq=False)

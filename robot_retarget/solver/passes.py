@@ -10,9 +10,8 @@ from robot_retarget.base.progress import Count
 from robot_retarget.graph.track import SECOND_DIFFERENCE, Status, Track
 from robot_retarget.robot.kinematics import SweptConfiguration, difference, integrate, swept_configurations
 from robot_retarget.solver.descent import Box, Descent, FrameSolution
-from robot_retarget.solver.limits import Differences, JointBounds
+from robot_retarget.solver.limits import Differences, JointBounds, Targets, targets_of
 from robot_retarget.solver.options import Smoothing
-from robot_retarget.solver.problem import ClipTargets, targets_of
 from robot_retarget.solver.quadratic import Proximal
 from robot_retarget.solver.smooth import smooth_offsets, within_speeds
 from robot_retarget.solver.sqp import FrameSolver
@@ -33,7 +32,7 @@ class ClipProblem:
     """The targets of consecutive frames of a graph; the first `fixed` of them are known."""
 
     solver: FrameSolver
-    all_targets: ClipTargets
+    all_targets: Targets
     smoothing: Smoothing
     smooth: Differences
     """Second differences over T frames."""
@@ -117,7 +116,7 @@ class Passes:
         self.interpenetrating: set[int] | None = None  # not looked for yet
         boxes = [clip.box(self.qpos, half) for half in self.halves]
         self.descents = [
-            clip.solver.begin(self.qpos[half], clip.all_targets.frames(half), box)
+            clip.solver.begin(self.qpos[half], clip.all_targets.at(half), box)
             for half, box in zip(self.halves, boxes, strict=True)
         ]
         for descent in self.descents:
@@ -129,7 +128,7 @@ class Passes:
         changed = clip.all_targets.differ(self.clip.all_targets)
         self.clip, self.taken = clip, 0
         for half, descent in zip(self.halves, self.descents, strict=True):
-            descent.targets = clip.all_targets.frames(half)
+            descent.targets = clip.all_targets.at(half)
             clip.solver.renew(descent, np.flatnonzero(changed[half]))
 
     def take(self, most: int, count: Count) -> None:
@@ -249,8 +248,8 @@ def _solved_again(
         ways = [_between(clip, qpos, t, interpenetrating) for t in half.tolist()]
         found = solver.solve_frames(
             qpos[half],
-            clip.all_targets.frames(half),
-            proximal=proximal.of(half),
+            clip.all_targets.at(half),
+            proximal=proximal.at(half),
             box=clip.box(qpos, half),
             between=ways if any(ways) else None,
         )

@@ -38,10 +38,7 @@ from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import tangent_names
 from robot_retarget.solver.compiled import Build, Upgraded
-from robot_retarget.solver.limits import ClipTargets as ClipTargets
 from robot_retarget.solver.limits import ConstantLimits, JointLimits, Targets
-from robot_retarget.solver.limits import EdgeTargets as EdgeTargets
-from robot_retarget.solver.limits import targets_of as targets_of
 from robot_retarget.solver.native import build_key
 
 # Which kinds a solver can honour; any other is an error, never a row that is ignored.

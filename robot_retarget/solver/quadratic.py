@@ -15,7 +15,7 @@ from robot_retarget.robot.kinematics import SweptConfiguration, difference
 from robot_retarget.solver.limits import Targets
 from robot_retarget.solver.near_links import LinearizedDistances, NearLinks
 from robot_retarget.solver.options import SolveOptions
-from robot_retarget.solver.problem import ClipTargets, EdgeTargets, Problem
+from robot_retarget.solver.problem import Problem
 
 Terms = tuple[Floats, Floats, Floats]
 """Costs (…), halves of their gradients (…, nv) and their normal matrices (…, nv, nv)."""
@@ -36,17 +36,12 @@ class Proximal:
     weight: Floats
     """(nv,)."""
 
-    @property
-    def clip(self) -> "Proximal":
-        """The term of one frame as that of a clip."""
-        return Proximal(self.anchor[None], self.offset[None], self.weight)
-
     def change(self, robot: Robot, q: Floats) -> Floats:
         """Return (…, nv) how far configurations (…, nq) are from where the term draws them."""
         return difference(robot, self.anchor, q) - self.offset
 
-    def of(self, frames: Ints) -> "Proximal":
-        """Return the term of some frames."""
+    def at(self, frames: Ints | None) -> "Proximal":
+        """Return the term of some frames; None makes that of a clip of one frame."""
         return Proximal(self.anchor[frames], self.offset[frames], self.weight)
 
 
@@ -111,7 +106,7 @@ class NumericTrack:
             sides = targets.lower[own], targets.upper[own], targets.priority[own]
         return RowState(self.problem.robot, self.problem.match, q, self.reach, sides, self._memory, self.threads)
 
-    def terms(self, q: Floats, targets: EdgeTargets) -> Terms | None:
+    def terms(self, q: Floats, targets: Targets) -> Terms | None:
         """Return the terms of a cost; None if no edge has a cost."""
         rows = self.track.kind.rows(self.track, self.state(q, targets))
         if rows is None:
@@ -120,7 +115,7 @@ class NumericTrack:
         sides = targets.lower[own][edges], targets.upper[own][edges], targets.priority[own][edges]
         return terms(self.track, rows.values, rows.slope, sides, edges)
 
-    def near(self, q: Floats, targets: ClipTargets) -> LinearizedDistances:
+    def near(self, q: Floats, targets: Targets) -> LinearizedDistances:
         """Return the rows of an inequality at configurations (N, nq)."""
         rows = self.track.kind.clip_rows(self.track, self.state(q, targets))
         edges = self.columns.start + rows.edges
@@ -150,7 +145,7 @@ class CostModel:
         self.rows = len(problem.inequalities) + self.most
 
     def linearize(
-        self, q: Floats, targets: ClipTargets, between: Between | None = None, known: NearLinks | None = None
+        self, q: Floats, targets: Targets, between: Between | None = None, known: NearLinks | None = None
     ) -> Quadratic:
         """Return costs and inequality rows at configurations (N, nq).
 
@@ -172,7 +167,7 @@ class CostModel:
         penetrates_floor = deficit.max(axis=1, initial=0.0) > self.options.floor_tolerance
         return Quadratic(total, gradient, normal, rows, row_lower, lacking, penetrates_floor, near)
 
-    def _costs(self, q: Floats, targets: ClipTargets) -> tuple[Floats, Floats, Floats]:
+    def _costs(self, q: Floats, targets: Targets) -> tuple[Floats, Floats, Floats]:
         """Return cost, gradient and normal matrix of the costs of single frames."""
         total, gradient, normal = self.problem.model(q, targets, self.options.threads)
         for k in range(len(q) if self.numeric else 0):
@@ -182,11 +177,11 @@ class CostModel:
                 normal[k] += found[2]
         return total, gradient, normal
 
-    def terms(self, q: Floats, targets: EdgeTargets) -> list[Terms]:
+    def terms(self, q: Floats, targets: Targets) -> list[Terms]:
         """Return the terms of the numeric costs of one frame at a configuration (nq,)."""
         return [found for each in self.numeric if (found := each.terms(q, targets)) is not None]
 
-    def _near(self, q: Floats, targets: ClipTargets, known: NearLinks | None) -> tuple[NearLinks, Floats]:
+    def _near(self, q: Floats, targets: Targets, known: NearLinks | None) -> tuple[NearLinks, Floats]:
         """Return the links near each other, and their deficits (N, C) [m]; links measured nearby are extrapolated."""
         if known is None:
             near = NearLinks.measured(q, self.measured(q, targets), self.most)
@@ -194,16 +189,16 @@ class CostModel:
         moved = difference(self.robot, known.qpos, q)
         stale = np.flatnonzero(np.abs(moved).max(axis=1) >= self.options.distance_cache_radius)
         if self.surfaces and stale.size:
-            known.put(stale, q[stale], self.measured(q[stale], targets.frames(stale)))
+            known.put(stale, q[stale], self.measured(q[stale], targets.at(stale)))
             moved[stale] = 0.0
         return known, known.deficit - np.einsum("tcv,tv->tc", known.slope, moved)
 
-    def cost(self, q: Floats, targets: EdgeTargets) -> float:
+    def cost(self, q: Floats, targets: Targets) -> float:
         """The minimised cost of a frame at a configuration."""
-        parts = self.parts(q[None], targets.clip)
+        parts = self.parts(q[None], targets.at(None))
         return float(self.problem.cost(q, targets)) + float(sum(part[0] for part in parts.values()))
 
-    def parts(self, q: Floats, targets: ClipTargets) -> dict[str, Floats]:
+    def parts(self, q: Floats, targets: Targets) -> dict[str, Floats]:
         """Return the costs (N,) of each numeric kind at configurations (N, nq); of surfaces, that of their slack.
 
         It is the cost of the kind that needs the slack most.
@@ -233,16 +228,16 @@ class CostModel:
         bent = (current.normal @ step[..., None])[..., 0] + 2 * current.gradient
         return self.options.overlap_cost * (current.clearance_deficit**2 - slack**2) - (bent * step).sum(axis=1)
 
-    def near(self, q: Floats, targets: EdgeTargets) -> LinearizedDistances:
+    def near(self, q: Floats, targets: Targets) -> LinearizedDistances:
         """Return the links near each other at a configuration (nq,)."""
-        return self.measured(q[None], targets.clip).foremost(self.most)
+        return self.measured(q[None], targets.at(None)).foremost(self.most)
 
-    def measured(self, q: Floats, targets: ClipTargets) -> LinearizedDistances:
+    def measured(self, q: Floats, targets: Targets) -> LinearizedDistances:
         """Return all links near each other at configurations (N, nq)."""
         found = [each.near(q, targets) for each in self.surfaces]
         return LinearizedDistances.joined(found or [LinearizedDistances.none(self.robot.model.nv)])
 
-    def _with_ways(self, q: Floats, between: Between, targets: ClipTargets, rows: Floats, deficit: Floats) -> None:
+    def _with_ways(self, q: Floats, between: Between, targets: Targets, rows: Floats, deficit: Floats) -> None:
         """Fill in rows (N, C, nv + 1) and deficits (N, C) of frames with ways: of links there and on the ways.
 
         A share of the step moves the configurations between frames. Links may touch there: a margin there would bend
@@ -253,14 +248,14 @@ class CostModel:
             return
         ways = [(k, way.share, way.at(self.robot, q[t])) for k, t in enumerate(frames.tolist()) for way in between[t]]
         owner, share = np.array([way[0] for way in ways]), np.array([way[1] for way in ways])
-        there = self.measured(np.array([way[2] for way in ways]), targets.frames(frames[owner]))
+        there = self.measured(np.array([way[2] for way in ways]), targets.at(frames[owner]))
         there = replace(
             there,
             frame=owner[there.frame],
             slope=share[there.frame, None] * there.slope,
             bound=np.minimum(there.bound, 0.0),
         )
-        found = LinearizedDistances.joined([self.measured(q[frames], targets.frames(frames)), there])
+        found = LinearizedDistances.joined([self.measured(q[frames], targets.at(frames)), there])
         near = NearLinks.measured(q[frames], found, self.most)
         deficit[frames], rows[frames, :, :-1], rows[frames, :, -1] = near.deficit, near.slope, np.isfinite(near.deficit)
 

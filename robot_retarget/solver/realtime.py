@@ -20,8 +20,8 @@ from robot_retarget.graph.track import CAUSAL_DIFFERENCE, SECOND_DIFFERENCE, Sta
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solver.descent import Box, FrameSolution
+from robot_retarget.solver.limits import Targets
 from robot_retarget.solver.options import RealTime
-from robot_retarget.solver.problem import EdgeTargets
 from robot_retarget.solver.quadratic import Proximal
 from robot_retarget.solver.smooth import smooth_offsets
 from robot_retarget.solver.sqp import FrameSolver
@@ -84,13 +84,13 @@ class BasinEscape:
         self.steps, self.waited = options.home_steps, 0.0
         self.lead: HomeTransition | None = None
 
-    def move_home(self, standing: Floats, targets: EdgeTargets, before: Floats) -> None:
+    def move_home(self, standing: Floats, targets: Targets, before: Floats) -> None:
         """Descend from a standing pose to the home pose, and start the transition to it."""
         self.pose = self.solver.solve_frame(standing, targets, iterations=self.options.start)
         self._set_out(before, targets)
 
     def search_step(
-        self, current: FrameSolution, targets: EdgeTargets, standing: Callable[[], Floats], seconds: float
+        self, current: FrameSolution, targets: Targets, standing: Callable[[], Floats], seconds: float
     ) -> None:
         """Take one step of the search if it is due; start the transition when the home pose is found and cheaper."""
         self.waited += seconds
@@ -130,7 +130,7 @@ class BasinEscape:
         """Return which hinges (n,) would move to the second pose."""
         return way > LED * self.options.same
 
-    def _set_out(self, before: Floats, targets: EdgeTargets) -> None:
+    def _set_out(self, before: Floats, targets: Targets) -> None:
         way = self._way(before)
         hinges = self._leads(way)
         if hinges.any():
@@ -159,12 +159,12 @@ class RealTimeSolver:
         self.pace: float = 1.0
         """The usable share of the joints' speeds [-]."""
 
-    def begin(self, start: Floats, targets: EdgeTargets) -> FrameSolution:
+    def begin(self, start: Floats, targets: Targets) -> FrameSolution:
         """Return the first pose, independent of earlier frames."""
         pose = self.solver.solve_frame(start, targets, iterations=self.options.start)
         return self._kept(self.solver.raise_above_floor(pose, targets), np.zeros_like(self.velocity))
 
-    def stand(self, qpos: Floats, targets: EdgeTargets) -> FrameSolution:
+    def stand(self, qpos: Floats, targets: Targets) -> FrameSolution:
         """Return the first pose at rest in a stand; later steps move it towards the targets."""
         pose = self.solver.raise_above_floor(FrameSolution(qpos, Status.CALIBRATING, 0.0, 0), targets)
         self.home.move_home(pose.qpos, targets, pose.qpos)
@@ -176,7 +176,7 @@ class RealTimeSolver:
         assert self.pose is not None
         return self.pose.qpos
 
-    def step(self, targets: EdgeTargets, seconds: float, standing: Callable[[], Floats]) -> FrameSolution:
+    def step(self, targets: Targets, seconds: float, standing: Callable[[], Floats]) -> FrameSolution:
         """Return the next pose.
 
         Args:
@@ -208,7 +208,7 @@ class RealTimeSolver:
         self.pose, self.velocity = pose, velocity
         return pose
 
-    def _reachable(self, before: Floats, targets: EdgeTargets, seconds: float) -> Box:
+    def _reachable(self, before: Floats, targets: Targets, seconds: float) -> Box:
         box = self.solver.reachable(before, targets, seconds)
         return Box(box.lower, box.upper, (before, self.root * seconds))
 
@@ -237,7 +237,7 @@ class SolvedFrame:
     """A frame of a stream after the real-time iteration."""
 
     pose: FrameSolution
-    targets: EdgeTargets
+    targets: Targets
     time: float
     seconds: float
     """Time since the frame before [s]."""

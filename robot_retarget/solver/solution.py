@@ -11,8 +11,8 @@ from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.graph import EdgeError
 from robot_retarget.graph.track import HARD, Status, Track
 from robot_retarget.robot.kinematics import integrate
-from robot_retarget.solver.limits import JointBounds
-from robot_retarget.solver.problem import EdgeTargets, Problem, targets_of
+from robot_retarget.solver.limits import JointBounds, Targets, targets_of
+from robot_retarget.solver.problem import Problem
 from robot_retarget.solver.sqp import FrameSolver
 from robot_retarget.trajectory import Trajectory
 
@@ -165,7 +165,7 @@ def unmet_edges(
 
 
 def _reasons(
-    solver: FrameSolver, fps: float, bounds: JointBounds, targets: EdgeTargets, qpos: Floats, t: int, away: Floats
+    solver: FrameSolver, fps: float, bounds: JointBounds, targets: Targets, qpos: Floats, t: int, away: Floats
 ) -> Iterator[str]:
     """The limits that are active at a frame and oppose a motion of the hinges (n,) towards an interval."""
     robot = solver.robot
@@ -208,7 +208,7 @@ def _at_speed(angles: Floats, reach: Floats, t: int, joint: int, sign: float) ->
     return any(sign * (angles[t, joint] - other) > (1 - 10 * AT_BOUND) * most for other, most in neighbours)
 
 
-def _links(solver: FrameSolver, targets: EdgeTargets, q: Floats, away: Floats) -> Iterator[str]:
+def _links(solver: FrameSolver, targets: Targets, q: Floats, away: Floats) -> Iterator[str]:
     """Pairs of links at their separation margin that a motion of the hinges (n,) brings nearer."""
     near = solver.costs.near(q, targets)
     if near is None:

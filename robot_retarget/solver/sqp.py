@@ -14,7 +14,7 @@ from robot_retarget.solver.compiled import QuadraticPrograms
 from robot_retarget.solver.descent import Box, Descent, FrameSolution, TrustRegions, frame_model
 from robot_retarget.solver.limits import JointBounds, Targets
 from robot_retarget.solver.options import SolveOptions
-from robot_retarget.solver.problem import ClipTargets, EdgeTargets, Problem
+from robot_retarget.solver.problem import Problem
 from robot_retarget.solver.quadratic import Between, CostModel, Proximal, Quadratic, diagonal
 
 UNSEEN = 0.03
@@ -42,7 +42,7 @@ class FrameSolver:
     def solve_frame(
         self,
         start: Floats | FrameSolution,
-        targets: EdgeTargets,
+        targets: Targets,
         *,
         proximal: Proximal | None = None,
         between: tuple[SweptConfiguration, ...] = (),
@@ -53,17 +53,17 @@ class FrameSolver:
         qpos = start.qpos if isinstance(start, FrameSolution) else start
         return self.solve_frames(
             qpos[None],
-            targets.clip,
-            proximal=proximal and proximal.clip,
+            targets.at(None),
+            proximal=proximal and proximal.at(None),
             between=[between] if between else None,
-            box=box and box.clip,
+            box=box and box.at(None),
             **options,
         )[0]
 
     def solve_frames(
         self,
         start: Floats,
-        targets: ClipTargets,
+        targets: Targets,
         *,
         proximal: Proximal | None = None,
         iterations: int | None = None,
@@ -93,7 +93,7 @@ class FrameSolver:
             descent.qpos[k] = integrate(self.robot, descent.qpos[k], step)
         return self.ended(descent)
 
-    def begin(self, start: Floats, targets: ClipTargets, box: Box, between: Between | None = None) -> Descent:
+    def begin(self, start: Floats, targets: Targets, box: Box, between: Between | None = None) -> Descent:
         """Return descents that start at configurations (N, nq)."""
         base = self.costs.linearize(start, targets, between)
         return Descent(np.array(start), targets, base, TrustRegions(self.options, len(start)), box, between=between)
@@ -121,7 +121,7 @@ class FrameSolver:
     def _advance(self, descent: Descent, active: Ints) -> Ints:
         """Try a step of the active frames and accept it where the cost falls; return the frames that still move."""
         q, base, index = descent.qpos[active], descent.base, self.robot.qpos_index
-        own = self.costs.with_proximal(base.of(active), q, descent.proximal and descent.proximal.of(active))
+        own = self.costs.with_proximal(base.of(active), q, descent.proximal and descent.proximal.at(active))
         box, regions = descent.box.at(active), descent.regions
         entering = descent.entering[active] & (box.outside(q[:, index]) > 1e-6)
         descent.entering[active] = entering
@@ -138,7 +138,7 @@ class FrameSolver:
         moved = integrate(self.robot, q[going], step)
         targets, between = descent.at(active)
         trial = self.costs.linearize(moved, targets, between, base.near.of(active))
-        lowered = self.costs.with_proximal(trial, moved, descent.proximal and descent.proximal.of(active))
+        lowered = self.costs.with_proximal(trial, moved, descent.proximal and descent.proximal.at(active))
         into = entering[going] & (trial.clearance_deficit <= own.clearance_deficit[going])
         taken = (lowered.cost < own.cost[going]) | into | own.penetrates_floor[going]
         descent.qpos[active[taken]] = moved[taken]
@@ -150,7 +150,7 @@ class FrameSolver:
     def real_time_step(
         self,
         start: Floats,
-        targets: EdgeTargets,
+        targets: Targets,
         proximal: Proximal | None,
         box: Box,
         steps: int,
@@ -229,7 +229,7 @@ class FrameSolver:
         bounds = self.bounds(targets)
         return Box(bounds.lower, bounds.upper)
 
-    def reachable(self, before: Floats, targets: EdgeTargets, time: float) -> Box:
+    def reachable(self, before: Floats, targets: Targets, time: float) -> Box:
         """Return the ranges of the hinges at a frame, cut to the angles in reach of a configuration (nq,) within a time [s]."""
         bounds = self.bounds(targets)
         return Box(bounds.lower, bounds.upper).around([(before[self.robot.qpos_index], bounds.speed * time)])
@@ -250,7 +250,7 @@ class FrameSolver:
         """Whether links are inside each other by more than is accepted."""
         return self.depth(qpos) > self.options.overlap
 
-    def repaired(self, before: Floats, pose: FrameSolution, targets: EdgeTargets) -> FrameSolution:
+    def repaired(self, before: Floats, pose: FrameSolution, targets: Targets) -> FrameSolution:
         """Return the pose with its links apart and above the floor, for a pose before it (nq,)."""
         return self.raise_above_floor(self.backtrack_to_clearance(before, pose), targets)
 
@@ -266,12 +266,12 @@ class FrameSolver:
         tried = (integrate(self.robot, before, share * way) for share in np.linspace(1, 1 / 8, 8))
         return next((q for q in tried if not self.overlapping(q)), before)
 
-    def raise_above_floor(self, pose: FrameSolution, targets: EdgeTargets) -> FrameSolution:
+    def raise_above_floor(self, pose: FrameSolution, targets: Targets) -> FrameSolution:
         """Return the pose with its root raised by its depth under the floor."""
         depth = float(self.problem.inequalities.depth(pose.qpos, targets))
         return self.raised(pose, max(depth, float(self.costs.penetration(pose.qpos[None])[0])))
 
-    def depths_under_floor(self, qpos: Floats, targets: ClipTargets) -> Floats:
+    def depths_under_floor(self, qpos: Floats, targets: Targets) -> Floats:
         """Return the depths (T,) of the robot under the floor at configurations (T, nq) [m]."""
         return np.maximum(self.problem.inequalities.depth(qpos, targets), self.costs.penetration(qpos))
 

@@ -14,8 +14,8 @@ from robot_retarget.robot.anatomy import limb_hinges, mirror_of
 from robot_retarget.robot.dynamics import Placer, body_placer
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solver.descent import Box, FrameSolution
+from robot_retarget.solver.limits import Targets, targets_of
 from robot_retarget.solver.options import Search
-from robot_retarget.solver.problem import ClipTargets, EdgeTargets, targets_of
 from robot_retarget.solver.sqp import FrameSolver
 
 LIMBS = ("l_hand", "r_hand", "head")
@@ -23,7 +23,7 @@ LIMBS = ("l_hand", "r_hand", "head")
 
 
 def multistart(
-    solver: FrameSolver, graph: RobotGraph, all_targets: ClipTargets, frames: Sequence[int], search: Search
+    solver: FrameSolver, graph: RobotGraph, all_targets: Targets, frames: Sequence[int], search: Search
 ) -> list[list[FrameSolution]]:
     """Return per frame the minima that descents from several starts reach, the cheapest first.
 
@@ -55,7 +55,7 @@ def multistart(
 
 
 def _limbs_combined(
-    solver: FrameSolver, ends: Sequence[FrameSolution], targets: EdgeTargets, limbs: Iterable[tuple[int, ...]]
+    solver: FrameSolver, ends: Sequence[FrameSolution], targets: Targets, limbs: Iterable[tuple[int, ...]]
 ) -> Floats:
     """Return the first of some poses with each limb as the one of them has it in which the first costs least."""
     combined = ends[0].qpos.copy()
@@ -63,20 +63,20 @@ def _limbs_combined(
         columns = solver.robot.qpos_index[list(limb)]
         poses = np.repeat(ends[0].qpos[None], len(ends), axis=0)
         poses[:, columns] = [end.qpos[columns] for end in ends]
-        cost = solver.problem.cost(poses, targets.clip.frames(np.zeros(len(poses), dtype=int)))
+        cost = solver.problem.cost(poses, targets.at(None).at(np.zeros(len(poses), dtype=int)))
         combined[columns] = poses[cost.argmin(), columns]
     return combined
 
 
 def descended(
     solver: FrameSolver,
-    all_targets: ClipTargets,
+    all_targets: Targets,
     frames: Sequence[int],
     starts: Sequence[Sequence[Floats]],
     **options: Any,
 ) -> list[list[FrameSolution]]:
     """Return where descents end, in the order of their starts at some frames."""
-    every = all_targets.frames(np.repeat(frames, [len(own) for own in starts]))
+    every = all_targets.at(np.repeat(frames, [len(own) for own in starts]))
     found = iter(solver.solve_frames(np.concatenate(starts), every, **options))
     return [list(islice(found, len(own))) for own in starts]
 
@@ -97,7 +97,7 @@ def same_basin(solver: FrameSolver, first: FrameSolution, second: FrameSolution,
 
 
 def _limbs_drawn(
-    solver: FrameSolver, base: Floats, targets: EdgeTargets, limbs: Mapping[tuple[int, ...], Floats], search: Search
+    solver: FrameSolver, base: Floats, targets: Targets, limbs: Mapping[tuple[int, ...], Floats], search: Search
 ) -> list[Floats]:
     """Return poses with the best draw of each limb, the best that is `Search.apart` from it, and so on."""
     best = [base.copy() for _ in range(search.starts)]
@@ -105,7 +105,7 @@ def _limbs_drawn(
         columns = solver.robot.qpos_index[list(limb)]
         poses = np.repeat(base[None], len(angles), axis=0)
         poses[:, columns] = angles
-        cost = solver.problem.cost(poses, targets.clip.frames(np.zeros(len(poses), dtype=int)))
+        cost = solver.problem.cost(poses, targets.at(None).at(np.zeros(len(poses), dtype=int)))
         for start, own in zip(best, _spread(angles[np.argsort(cost, kind="stable")], search.apart), strict=False):
             start[columns] = own
     return best

@@ -32,8 +32,9 @@ from robot_retarget.robot.kinematics import PlacedPoints
 from robot_retarget.robot.support import CORNERS, sole_corners, together
 from robot_retarget.scene import Scene, read_scene
 from robot_retarget.solver.descent import FrameSolution
+from robot_retarget.solver.limits import Targets
 from robot_retarget.solver.options import RealTime
-from robot_retarget.solver.problem import EdgeTargets, Problem, build_problem, require_kinds
+from robot_retarget.solver.problem import Problem, build_problem, require_kinds
 from robot_retarget.solver.realtime import FixedLag, RealTimeSolver, SolvedFrame
 from robot_retarget.solver.sqp import FrameSolver
 from robot_retarget.solver.starts import root_placer
@@ -95,7 +96,7 @@ class Follower:
         soles = together([sole_corners(match.anatomy, foot) for foot in placed_feet(match, graph.robot)])
         self.corners: PlacedPoints = PlacedPoints(graph.robot, soles)
         self.stood: Placer = root_placer(graph.robot, match.anatomy, graph.robot.standing())
-        self.targets: EdgeTargets | None = None
+        self.targets: Targets | None = None
         self.latest: HumanFeatures | None = None
         self._intervals: deque[float] = deque(maxlen=LEAST + 1)
 
@@ -152,9 +153,9 @@ class Follower:
         around = ({}, 1.0) if scene is None else (dict(zip(scene.names, scene.poses(1)[0], strict=True)), scene.size)
         return StreamPose(late.qpos, time, late.status, time - answered, *around)
 
-    def _targets_at(self, human: HumanFeatures, qpos: Floats, seconds: float) -> EdgeTargets:
+    def _targets_at(self, human: HumanFeatures, qpos: Floats, seconds: float) -> Targets:
         targets = self.all_targets.at(human, self.corners.at(qpos).reshape(-1, CORNERS, 3), seconds)
-        return EdgeTargets(*(np.array(each) for each in targets)) if self.lag else EdgeTargets(*targets)
+        return Targets(*(np.array(each) for each in targets)) if self.lag else Targets(*targets)
 
 
 CALIBRATED = 1.0

@@ -15,8 +15,8 @@ import numpy as np
 import robot_retarget as rr
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.files import SAMPLES
+from robot_retarget.solver.limits import targets_of
 from robot_retarget.solver.options import Search
-from robot_retarget.solver.problem import targets_of
 from robot_retarget.solver.solve import problem_of, solve_graph
 from robot_retarget.solver.sqp import FrameSolver
 from robot_retarget.solver.starts import multistart

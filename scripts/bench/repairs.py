@@ -18,8 +18,8 @@ from robot_retarget.base.arrays import Floats
 from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.solver import passes
+from robot_retarget.solver.limits import targets_of
 from robot_retarget.solver.options import Smoothing
-from robot_retarget.solver.problem import targets_of
 from robot_retarget.solver.solve import problem_of, solve_graph
 from robot_retarget.solver.sqp import FrameSolver
 

@@ -10,7 +10,7 @@ from robot_retarget.graph.track import HARD, Role, columns_of, ordered
 from robot_retarget.human.causal import LEAP, CausalFeatures
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot
-from robot_retarget.solver.problem import targets_of
+from robot_retarget.solver.limits import targets_of
 
 CLIPS = ("walk", "squat", "wave", "clap", "hips_and_bow")
 

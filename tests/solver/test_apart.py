@@ -14,10 +14,11 @@ from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.distances import Separation
 from robot_retarget.robot.kinematics import carrying, difference, integrate
 from robot_retarget.solver.descent import FrameSolution
+from robot_retarget.solver.limits import targets_of
 from robot_retarget.solver.near_links import LinearizedDistances, tightest_rows
 from robot_retarget.solver.options import Smoothing
 from robot_retarget.solver.pipeline import retarget
-from robot_retarget.solver.problem import build_problem, targets_of
+from robot_retarget.solver.problem import build_problem
 from robot_retarget.solver.solve import solve_graph
 from robot_retarget.solver.sqp import FrameSolver
 

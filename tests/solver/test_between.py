@@ -13,12 +13,13 @@ from robot_retarget.human.read import read_motion
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.distances import Separation
 from robot_retarget.robot.kinematics import TURN, SweptConfiguration, difference, integrate, swept_configurations
+from robot_retarget.solver.limits import Targets, targets_of
 from robot_retarget.solver.pipeline import retarget
-from robot_retarget.solver.problem import EdgeTargets, build_problem, targets_of
+from robot_retarget.solver.problem import build_problem
 from robot_retarget.solver.quadratic import Proximal
 from robot_retarget.solver.sqp import FrameSolver
 
-Asked = tuple[FrameSolver, EdgeTargets]
+Asked = tuple[FrameSolver, Targets]
 
 
 @pytest.fixture(scope="module")
@@ -60,8 +61,8 @@ def test_rows_between_frames_tell_what_a_step_of_the_frame_does_there(asked: Ask
     way = SweptConfiguration(arms(robot, -0.5, 1.57, -1.57), 0.3)
     near = Separation(robot, solver.options.reach * solver.leg)
     q = arms(robot, -0.3, 1.57, -1.5)
-    own = {tuple(row) for row in solver.costs.linearize(q[None], targets.clip).rows[0, soles:]}
-    there = solver.costs.linearize(q[None], targets.clip, [(way,)]).rows[0, soles:]
+    own = {tuple(row) for row in solver.costs.linearize(q[None], targets.at(None)).rows[0, soles:]}
+    there = solver.costs.linearize(q[None], targets.at(None), [(way,)]).rows[0, soles:]
     rows = [row for row in there if tuple(row) not in own]
     for joint in ("l_sho_pitch", "l_sho_roll", "l_el"):
         direction = np.zeros(robot.model.nv)

@@ -16,8 +16,8 @@ from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solver.candidates import DEEP, PASSING, SHARES, Candidates, PoseChain, dearest
 from robot_retarget.solver.clip import coarse_tracks
 from robot_retarget.solver.descent import FrameSolution
+from robot_retarget.solver.limits import targets_of
 from robot_retarget.solver.options import Search
-from robot_retarget.solver.problem import targets_of
 from robot_retarget.solver.solve import problem_of
 from robot_retarget.solver.sqp import FrameSolver
 from robot_retarget.solver.starts import _spread

@@ -21,9 +21,10 @@ from robot_retarget.human.read import read_motion
 from robot_retarget.robot import Points, Robot, load_robot
 from robot_retarget.solver import problem as problem_module
 from robot_retarget.solver import solve as solve_module
+from robot_retarget.solver.limits import targets_of
 from robot_retarget.solver.native import machine_code
 from robot_retarget.solver.pipeline import retarget
-from robot_retarget.solver.problem import Problem, build_problem, targets_of
+from robot_retarget.solver.problem import Problem, build_problem
 
 needs_compiler = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
 SMALL = f"""

@@ -9,7 +9,8 @@ from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot, world_points
 from robot_retarget.robot.kinematics import integrate
-from robot_retarget.solver.problem import EdgeTargets, Problem, build_problem, targets_of
+from robot_retarget.solver.limits import Targets, targets_of
+from robot_retarget.solver.problem import Problem, build_problem
 
 Case = tuple[RobotGraph, Problem]
 
@@ -26,10 +27,10 @@ def case() -> Case:
     return made("op3")
 
 
-def targets(graph: RobotGraph, frame: int) -> EdgeTargets:
+def targets(graph: RobotGraph, frame: int) -> Targets:
     """The targets of a frame with redrawn weights, so that no kind hides behind another."""
     asked = targets_of(graph.tracks).at(frame)
-    return EdgeTargets(asked.lower, asked.upper, np.random.default_rng(frame).uniform(1, 9, len(asked.lower)))
+    return Targets(asked.lower, asked.upper, np.random.default_rng(frame).uniform(1, 9, len(asked.lower)))
 
 
 def somewhere(problem: Problem, seed: int) -> np.ndarray:
@@ -64,7 +65,7 @@ def test_normal_matrix_is_that_of_reweighted_least_squares(case: Case) -> None:
     graph, problem = case
     q, every, step = somewhere(problem, 1), targets(graph, 3), 1e-6
     edges = len(problem.values(q))
-    asked = EdgeTargets(every.lower[:edges], every.upper[:edges], every.priority[:edges])
+    asked = Targets(every.lower[:edges], every.upper[:edges], every.priority[:edges])
     jacobian = np.empty((len(asked.lower), problem.robot.model.nv))
     for column, direction in enumerate(np.eye(problem.robot.model.nv)):
         ahead, behind = (problem.values(integrate(problem.robot, q, s * step * direction)) for s in (1, -1))

@@ -6,17 +6,18 @@ from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import describe
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot
+from robot_retarget.solver.limits import Targets, targets_of
 from robot_retarget.solver.options import SolveOptions
-from robot_retarget.solver.problem import ClipTargets, build_problem, targets_of
+from robot_retarget.solver.problem import build_problem
 from robot_retarget.solver.sqp import FrameSolver
 
 TOLERATED = SolveOptions().tolerated
 
 
-def asked() -> tuple[FrameSolver, ClipTargets]:
+def asked() -> tuple[FrameSolver, Targets]:
     """The first frame of a clap."""
     graph = describe(read_motion(SAMPLES / "clap.bvh"), load_robot("op3"), fps=10)
-    return FrameSolver(build_problem(graph.robot, graph.match, graph.tracks)), targets_of(graph.tracks).frames(
+    return FrameSolver(build_problem(graph.robot, graph.match, graph.tracks)), targets_of(graph.tracks).at(
         np.array([0])
     )
 

@@ -17,9 +17,10 @@ from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.dynamics import place_body, raise_root, root_travel
 from robot_retarget.robot.kinematics import body_frames, integrate
 from robot_retarget.robot.model import robot_from_model
+from robot_retarget.solver.limits import targets_of
 from robot_retarget.solver.options import Smoothing
 from robot_retarget.solver.pipeline import retarget
-from robot_retarget.solver.problem import build_problem, targets_of
+from robot_retarget.solver.problem import build_problem
 
 AXES = np.eye(3)
 

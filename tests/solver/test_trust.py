@@ -18,8 +18,9 @@ from robot_retarget.human.read import read_motion
 from robot_retarget.papers import Objective, PointGraph, stress
 from robot_retarget.robot import Points, load_robot, world_points
 from robot_retarget.robot.kinematics import difference
+from robot_retarget.solver.limits import targets_of
 from robot_retarget.solver.options import Smoothing
-from robot_retarget.solver.problem import build_problem, targets_of
+from robot_retarget.solver.problem import build_problem
 from robot_retarget.solver.solution import Solution
 from robot_retarget.solver.solve import solve_graph
 

@@ -26,7 +26,8 @@ from robot_retarget.robot.kinematics import carrying, mass_function
 from robot_retarget.robot.support import CORNERS, sole_corners, support
 from robot_retarget.solver.clip import measured_by, renewed
 from robot_retarget.solver.compiled import Mapped
-from robot_retarget.solver.problem import build_problem, targets_of
+from robot_retarget.solver.limits import targets_of
+from robot_retarget.solver.problem import build_problem
 from robot_retarget.solver.sqp import FrameSolver
 
 
