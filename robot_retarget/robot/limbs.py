@@ -295,8 +295,8 @@ def arm_centres(links: Links, chain: Chain) -> dict[str, Centre]:
 
 
 def _elbow_axis(links: Links, chain: Chain) -> tuple[Axis | None, str, float]:
-    """The hinge that bends the arm: by name, else the crosswise one nearest to the middle of the arm."""
-    later = list(chain.axes[1:])
+    """The hinge that bends the arm: by name, else the crosswise one nearest to the middle of the arm; not that of a gripper."""
+    later = [a for a in chain.axes[1:] if not words(links.words(a.link)) & GRASP_WORDS] or list(chain.axes[1:])
     if not later:
         return None, "", 0.0
     limb = (chain.end - chain.start) / max(chain.reach, 1e-9)

@@ -7,6 +7,7 @@ with the floor) and from names, in this order; each keypoint has a confidence an
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
+import mujoco
 import numpy as np
 
 from robot_retarget.base.arrays import Floats, frozen
@@ -98,7 +99,10 @@ def _lone_arms(links: Links, legs: MirroredLimbs | None) -> list[str]:
 
 
 def _legs(links: Links, pairs: list[MirroredLimbs]) -> MirroredLimbs | None:
-    """Return the lowest pair with three hinges or more per chain, among the legs by name or by the trunk."""
+    """Return the lowest pair with three hinges or more per chain, among the legs by name or by the trunk.
+
+    Of chains that end at one height, as a leg and the rods of a parallel one, it has the most hinges that move by themselves.
+    """
     limbs = {link for pair in pairs for link in pair.links}
     trunk = np.concatenate([links.surface(x)[:, 2] for x in links.ids if x not in limbs])
     long = [p for p in pairs if min(len(c.axes) for c in p.chains) >= 3 and p.lowest < p.height]
@@ -107,7 +111,14 @@ def _legs(links: Links, pairs: list[MirroredLimbs]) -> MirroredLimbs | None:
         return None
     lowest = min(p.lowest for p in candidates)
     reach = max(c.reach for p in candidates for c in p.chains)
-    return max((p for p in candidates if p.lowest < lowest + SAME * reach), key=lambda p: p.chains[0].reach)
+    model, joined = links.model, mujoco.mjtEq.mjEQ_JOINT
+    led = {int(model.eq_obj1id[k]) for k in range(model.neq) if model.eq_type[k] == joined}
+
+    def moves(pair: MirroredLimbs) -> tuple[int, float]:
+        chain = pair.chains[0]
+        return min(6, sum(axis.joint not in led for axis in chain.axes)), chain.reach
+
+    return max((p for p in candidates if p.lowest < lowest + SAME * reach), key=moves)
 
 
 def _hang(pair: MirroredLimbs, trunk: Floats) -> int:

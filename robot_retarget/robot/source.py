@@ -75,14 +75,32 @@ def _join_root(spec: mujoco.MjSpec) -> None:
 
 
 def rods(spec: mujoco.MjSpec) -> list[mujoco.MjsBody]:
-    """Return bodies on ball joints that carry no other joint: the passive rods of closed chains."""
-    ball, found = mujoco.mjtJoint.mjJNT_BALL, []
+    """Return bodies on ball joints that carry no other joint, or passive ones up to the end of a loop: rods of closed chains."""
+    ball, found, driven = mujoco.mjtJoint.mjJNT_BALL, [], {motor.target for motor in spec.actuators}
     for joint in spec.joints:
-        body = joint.parent
-        if joint.type == ball and all(other.type == ball for other in body.find_all("joint")):
+        body, own = joint.parent, joint.parent.find_all("joint")
+        passive = not driven & {other.name for other in own} and _loops(spec, body)
+        if joint.type == ball and (passive or all(other.type == ball for other in own)):
             found.append(body)
     inside = {child.id for rod in found for child in rod.find_all("body")}
     return [rod for rod in found if rod.id not in inside]
+
+
+def _loops(spec: mujoco.MjSpec, rod: mujoco.MjsBody) -> list[str]:
+    """Return the bodies to which equality constraints join a rod or what it carries."""
+    own, joined = {rod.name} | {body.name for body in rod.find_all("body")}, []
+    for equality in spec.equalities:
+        ends = [equality.name1, equality.name2 or "world"]
+        if equality.objtype == mujoco.mjtObj.mjOBJ_SITE:
+            ends = [spec.site(end).parent.name for end in ends]
+        if equality.type in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD) and own & set(ends):
+            joined += [end for end in ends if end not in own]
+    return joined
+
+
+def _with_loops(spec: mujoco.MjSpec, rod: mujoco.MjsBody) -> str:
+    """Return the name of a rod and where its loops end."""
+    return " to ".join([rod.name, *dict.fromkeys(_loops(spec, rod))])
 
 
 def scene_pairs(spec: mujoco.MjSpec) -> list[mujoco.MjsPair]:
@@ -97,7 +115,7 @@ def omission_notes(path: Path) -> tuple[str, ...]:
         return ()
     spec = mujoco.MjSpec.from_file(str(path))
     omitted = {
-        "rods on ball joints left out, with the loops they close": [rod.name for rod in rods(spec)],
+        "rods on ball joints left out, with the loops they close": [_with_loops(spec, rod) for rod in rods(spec)],
         "contact pairs left out, with a geom that the file lacks": [pair.name for pair in scene_pairs(spec)],
     }
     return tuple(f"{what}: {_some(names)}" for what, names in omitted.items() if names)

@@ -110,12 +110,19 @@ ROD = """
     <geom type="capsule" fromto="0 0 0 0 0 -0.28" size="0.004" mass="0.02"/></body></body>"""
 
 
-def test_rods_on_ball_joints_are_left_out_and_reported(tmp_path: Path) -> None:
-    loops = '<equality><connect body1="l11" body2="rodl" anchor="0.02 0 0"/></equality>'
-    xml = legged(leg("l", 1, rod=ROD.format("l")) + leg("r", -1, rod=ROD.format("r")))
+@pytest.mark.parametrize("hinge", ["", '<joint name="twist{0}" axis="0 0 1"/>'])
+def test_rods_on_ball_joints_are_left_out_and_reported(hinge: str, tmp_path: Path) -> None:
+    """Also with a passive hinge beside the ball, if the rod closes a loop."""
+    ends = ((side, f'<connect body1="{side}11" body2="rod{side}" anchor="0.02 0 0"/>') for side in "lr")
+    loops = f"<equality>{''.join(end for side, end in ends if hinge or side == 'l')}</equality>"
+    rod = ROD.replace('type="ball"/>', f'type="ball"/>{hinge}')
+    xml = legged(leg("l", 1, rod=rod.format("l")) + leg("r", -1, rod=rod.format("r")))
     robot = load_robot(written(tmp_path, xml.replace("</mujoco>", f"{loops}</mujoco>")))
     assert robot.model.neq == 0 and robot.model.nq == 7 + len(robot.joint_names)
-    assert "rods on ball joints left out, with the loops they close: rodl, rodr" in robot.notes
+    assert (
+        "rods on ball joints left out, with the loops they close: rodl to l11, rodr" + (" to r11" if hinge else "")
+        in robot.notes
+    )
     assert set(places(robot)) >= {"l_hip", "l_knee", "l_ankle"}
     assert robot.spec().compile().nq == robot.model.nq
 
@@ -203,3 +210,30 @@ def test_a_map_of_all_keypoints_is_used_where_no_human_is_recognised(tmp_path: P
     found = match(cloud, load_robot("op3"), path)
     assert found.keypoints == match(wave, load_robot("op3")).keypoints
     assert any("the map, which names every keypoint, is used" in note for note in found.notes)
+
+
+def test_the_hinge_of_a_gripper_is_no_elbow(tmp_path: Path) -> None:
+    """Of an elbow without its name and a gripper that turns nearer to the middle of the arm."""
+    grip = """<body name="{0}_gripper" pos="0 0 -0.05"><joint name="{0}18" axis="0 1 0"/>
+     <geom type="capsule" fromto="0 0 0 0 0 -0.4" size="0.02" mass="0.1"/></body>"""
+    arms = "".join(arm(side, sign, grip.format(side)) for side, sign in (("l", 1), ("r", -1)))
+    robot = load_robot(written(tmp_path, legged(leg("l", 1) + leg("r", -1), arms.replace("_elbow", "_joint"))))
+    sites = recognise(robot).sites
+    assert [robot.model.body(sites[f"l_{part}"].body).name for part in ("shoulder", "elbow")] == ["l15", "l17"]
+
+
+def test_the_rods_of_a_parallel_leg_are_not_the_leg(tmp_path: Path) -> None:
+    """A longer chain beside the leg, whose links below the thigh follow it by gears."""
+    rod = """
+     <body name="{0}rod1"><joint name="{0}p1" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 -0.3" size="0.01"/>
+      <body name="{0}rod2" pos="0 0 -0.3"><joint name="{0}p2" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 -0.3" size="0.01"/>
+       <body name="{0}rod3" pos="0 0 -0.3"><joint name="{0}p3" axis="0 1 0"/><geom type="box" size="0.1 0.04 0.01" pos="0.05 0 -0.08"/>
+     </body></body></body>"""
+    legs = (
+        leg(s, sign).replace(f'<body name="{s}5"', f'{rod.format(s)}<body name="{s}5"')
+        for s, sign in (("l", 1), ("r", -1))
+    )
+    gears = "".join(f'<joint joint1="{s}p{k}" joint2="{s}p1" polycoef="0 -1 0 0 0"/>' for s in "lr" for k in (2, 3))
+    xml = legged("".join(legs)).replace("</mujoco>", f"<equality>{gears}</equality></mujoco>")
+    robot = load_robot(written(tmp_path, xml))
+    assert not [s.body for s in recognise(robot).sites.values() if "rod" in robot.model.body(s.body).name]
