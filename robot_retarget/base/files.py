@@ -140,6 +140,23 @@ def folder(path: str | Path) -> Path:
     return target
 
 
+@contextmanager
+def made_folder(path: str | Path) -> Iterator[Path]:
+    """Make a folder, as `folder` does; those that it made and that are empty after the block are removed, however the block ends.
+
+    Raises:
+        OutputError: as `folder`.
+    """
+    target = Path(path)
+    made = [one for one in (target, *target.parents) if not one.exists()]
+    try:
+        yield folder(target)
+    finally:
+        for one in made:
+            if one.is_dir() and not any(one.iterdir()):
+                one.rmdir()
+
+
 def _real(path: Path) -> Path:
     """The file that a symbolic link names; any other path itself."""
     return Path(os.path.realpath(path))

@@ -73,6 +73,8 @@ def path_priorities(parents: ArrayLike) -> Floats:
 
 
 TABLES = ("human", "robot")
+LEGS = (0.1, 2.0)
+"""Lengths of a leg that a body can have [m]: those of a newborn are 0.17, those of the tallest man on record 1.3."""
 
 
 @dataclass(frozen=True)
@@ -217,7 +219,7 @@ def match_bodies(motion: Motion, robot: Robot, recognition: Recognition, anatomy
         anatomy: the robot's keypoints.
 
     Raises:
-        MatchError: they share fewer than two bones.
+        MatchError: they share fewer than two bones, or the legs of the human are longer or shorter than any.
     """
     shared = tuple(k for k in KEYPOINTS if k in recognition.marks and k in anatomy.sites)
     if len(parents_within(shared)) < 2:
@@ -232,7 +234,7 @@ def match_bodies(motion: Motion, robot: Robot, recognition: Recognition, anatomy
     points = anatomy.points_of(shared)
     rest = world_points(robot, points, robot.neutral()[None])
     source = bone_lengths(human, parents)
-    return Match(
+    found = Match(
         recognition,
         anatomy,
         shared,
@@ -242,6 +244,12 @@ def match_bodies(motion: Motion, robot: Robot, recognition: Recognition, anatomy
         rest=frozen(rest[0]),
         ankle_height=anatomy.ankle_height,
     )
+    if not exact and not LEGS[0] <= found.human_leg <= LEGS[1]:
+        raise MatchError(
+            f"{motion.source or 'the motion'}: legs of {found.human_leg:.3g} m, where a body has {LEGS[0]:g} to {LEGS[1]:g} m: "
+            "positions are in metres; read_motion finds the unit of a file"
+        )
+    return found
 
 
 def bone_lengths(positions: Floats, parents: Ints) -> Floats:

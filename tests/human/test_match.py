@@ -10,6 +10,7 @@ from robot_retarget.base.errors import MatchError
 from robot_retarget.base.files import SAMPLES
 from robot_retarget.base.keypoints import KEYPOINTS
 from robot_retarget.human.match import match
+from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot
 
@@ -68,3 +69,10 @@ def test_a_wrong_override_says_what_is_known(tmp_path: Path, text: str, message:
     lines.write_text(text)
     with pytest.raises(MatchError, match=message):
         match(read_motion(SAMPLES / "wave.bvh"), load_robot("op3"), lines)
+
+
+@pytest.mark.parametrize("size", [0.03, 5.0])
+def test_a_human_of_five_centimetres_or_eight_metres_is_refused(size: float) -> None:
+    wave = read_motion(SAMPLES / "wave.bvh")
+    with pytest.raises(MatchError, match=r"legs of .* m, where a body has 0\.1 to 2 m: positions are in metres"):
+        match(Motion(wave.skeleton, size * wave.positions, wave.rotations, wave.fps), load_robot("op3"))

@@ -47,6 +47,19 @@ def test_replaced_results_are_named(tmp_path: Path, capsys: pytest.CaptureFixtur
         assert ("replaced the results of an earlier run" in told and "report.json" in told) == (text == "second")
 
 
+def test_ctrl_c_between_a_folder_and_its_first_file_leaves_no_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def press(*_: object, **__: object) -> str:
+        assert (tmp_path / "new/out").is_dir()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("tempfile.mkdtemp", press)
+    with pytest.raises(KeyboardInterrupt), filling(tmp_path / "new/out"):
+        raise AssertionError("it is stopped before")
+    assert not list(tmp_path.iterdir())
+
+
 def test_results_are_the_earlier_ones_or_the_new_ones_wherever_a_run_was_killed(tmp_path: Path) -> None:
     """The run is ended before its first, second, … change of the folder; then the next run begins, and fails."""
     earlier = {"trajectory.npz": "earlier", "report.json": "earlier", "video.mp4": "earlier"}

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from robot_retarget.base.errors import OutputError, UsageError
-from robot_retarget.base.files import folder, replacing, write_text
+from robot_retarget.base.files import made_folder, replacing, write_text
 from robot_retarget.tools.batch.task import DONE, Row, TaskResult, sha256_of
 
 INDEX, TIMES, HASHES, LOCK = "index.jsonl", "times.jsonl", ".hashes.jsonl", ".lock"
@@ -38,8 +38,7 @@ def locked_folder(out: Path) -> Iterator[Path]:
     )
     if strange:
         raise OutputError(f"{out} holds files and no {INDEX}: it is not a batch folder; give another --out")
-    target = folder(out)
-    with (target / LOCK).open("w") as lock:
+    with made_folder(out) as target, (target / LOCK).open("w") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:

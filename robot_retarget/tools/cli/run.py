@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from robot_retarget.base.errors import UsageError
-from robot_retarget.base.files import folder, replacing, write_text
+from robot_retarget.base.files import made_folder, replacing, write_text
 from robot_retarget.tools.cli import console
 from robot_retarget.tools.cli.command import NOTHING, command, option, options
 from robot_retarget.tools.cli.console import progress
@@ -104,31 +104,27 @@ def filling(place: Path) -> Iterator[Filled]:
         OutputError: The folder cannot be made or written.
         KeyboardInterrupt: Ctrl-C; its text names the files that were written.
     """
-    made = [folder_ for folder_ in (place, *place.parents) if not folder_.exists()]
-    folder(place)
-    for complete in sorted(place.glob(f"{COMPLETE}*")):
-        _put(complete, place)
-    for left in place.glob(f"{UNFINISHED}*"):
-        rmtree(left)
-    earlier = tuple(name for name in RESULTS if (place / name).exists())
-    filled = Filled(Path(tempfile.mkdtemp(dir=place, prefix=UNFINISHED)), place, earlier)
-    kept = False
-    try:
-        yield filled
-        kept = _replace(filled)
-        if earlier:
-            console.note(f"replaced the results of an earlier run in {place}: {', '.join(earlier)}")
-    except KeyboardInterrupt as stopped:
-        message = f"kept {', '.join(filled.written())} in {place}" if filled.written() else NOTHING
-        kept = _replace(filled)
-        raise KeyboardInterrupt(message) from stopped
-    finally:
-        rmtree(filled.path, ignore_errors=True)
-        for name in () if kept or earlier else RESULTS:
-            (place / name).unlink(missing_ok=True)
-        for one in made:
-            if not any(one.iterdir()):
-                one.rmdir()
+    with made_folder(place):
+        for complete in sorted(place.glob(f"{COMPLETE}*")):
+            _put(complete, place)
+        for left in place.glob(f"{UNFINISHED}*"):
+            rmtree(left)
+        earlier = tuple(name for name in RESULTS if (place / name).exists())
+        filled = Filled(Path(tempfile.mkdtemp(dir=place, prefix=UNFINISHED)), place, earlier)
+        kept = False
+        try:
+            yield filled
+            kept = _replace(filled)
+            if earlier:
+                console.note(f"replaced the results of an earlier run in {place}: {', '.join(earlier)}")
+        except KeyboardInterrupt as stopped:
+            message = f"kept {', '.join(filled.written())} in {place}" if filled.written() else NOTHING
+            kept = _replace(filled)
+            raise KeyboardInterrupt(message) from stopped
+        finally:
+            rmtree(filled.path, ignore_errors=True)
+            for name in () if kept or earlier else RESULTS:
+                (place / name).unlink(missing_ok=True)
 
 
 def _replace(filled: Filled) -> bool:
