@@ -229,3 +229,21 @@ def test_markers_of_opensim_are_those_of_plug_in_gait_and_doubled_tabs_count_onc
     doubled = [line.replace("\t", "\t\t") if k in (1, 2) or k > 4 else line for k, line in enumerate(lines)]
     theirs.write_text("\n".join(doubled))
     np.testing.assert_allclose(read_motion(theirs, repair=False).positions, plain.positions, atol=1e-6)
+
+
+def test_single_markers_of_knees_ankles_shoulders_and_wrists_are_their_outer_ones(
+    tmp_path: Path, places: dict[str, np.ndarray]
+) -> None:
+    """As in the trials of OpenSim's full-body model (Rajagopal), which lack inner markers."""
+    parts = {"Knee": "knee", "Ankle": "ankle", "Shoulder": "shoulder", "Elbow": "elbow", "Wrist": "hand", "Toe": "toe"}
+    at = {f"{s}.{m}": places[f"{s.lower()}_{k}"] for s in "RL" for m, k in parts.items()}
+    at |= {f"{s}.ASIS": places[f"{s.lower()}_hip"] + [0, 0.08, 0.06] for s in "RL"}
+    at |= {f"{s}.PSIS": places[f"{s.lower()}_hip"] + [0, 0.08, -0.1] for s in "RL"}
+    motion = read_motion(trc(tmp_path / "a.trc", at), repair=False)
+    knee, wrist = (motion.positions[:, motion.skeleton.names.index(f"left_{part}")] for part in ("knee", "wrist"))
+    shin = np.linalg.norm(places["l_knee"] - places["l_hand"], axis=1)
+    np.testing.assert_allclose(np.linalg.norm(knee - wrist, axis=1), shin, atol=1e-6)
+    assert "No inner marker of the left knee: its centre is at the outer one." in motion.notes
+    del at["L.Knee"]
+    with pytest.raises(MotionError, match="Missing: left outer knee"):
+        read_motion(trc(tmp_path / "b.trc", at))
