@@ -87,19 +87,6 @@ class Realizations:
     complete: bool
     """Whether the whole tree was searched."""
 
-    @property
-    def mirrors(self) -> tuple[tuple[int, int], ...]:
-        """Pairs of solutions that mirror each other in the plane (or line) of the first clique."""
-        from scipy.spatial import KDTree  # imported here so that importing the package stays fast
-
-        if not len(self.positions):
-            return ()
-        turned = self.positions * np.append(np.ones(self.positions.shape[2] - 1), -1.0)
-        count, size = len(turned), 1e-6 * float(np.abs(turned).max())
-        apart, nearest = KDTree(self.positions.reshape(count, -1)).query(turned.reshape(count, -1))
-        found = zip(range(count), np.ravel(nearest).tolist(), np.ravel(apart).tolist(), strict=True)
-        return tuple((a, b) for a, b, miss in found if a < b and miss <= size)
-
 
 def discretization_order(graph: PointGraph) -> Ints:
     """Return an order with an exact clique of K vertices, then vertices with K earlier references, ≤ 1 an interval.
@@ -107,7 +94,8 @@ def discretization_order(graph: PointGraph) -> Ints:
     Raises:
         GraphError: no order exists; the message names the vertex that no order reaches.
     """
-    _require_posture(graph)
+    if graph.frames != 1:
+        raise GraphError(f"branch and prune takes one frame at a time, the graph has {graph.frames}: use at_frame(t)")
     exact, any_ = _adjacency(graph, graph.edges.exact), _adjacency(graph, np.ones(len(graph.edges), dtype=bool))
     best: list[int] = []
     for clique in _cliques(exact, graph.dimension):
@@ -180,11 +168,6 @@ class _Table:
         self.exact, self.joined = _adjacency(graph, edges.exact), _adjacency(graph, np.ones(len(edges), dtype=bool))
 
 
-def _require_posture(graph: PointGraph) -> None:
-    if graph.frames != 1:
-        raise GraphError(f"branch and prune takes one frame at a time, the graph has {graph.frames}: use at_frame(t)")
-
-
 def _adjacency(graph: PointGraph, edges: NDArray[np.bool_]) -> NDArray[np.bool_]:
     joined = np.zeros((len(graph.vertices), len(graph.vertices)), dtype=bool)
     i, j = graph.edges.i[edges], graph.edges.j[edges]
@@ -244,7 +227,9 @@ def _places(table: _Table, x: Floats, placed: Ints, vertex: int, options: Branch
     apart = np.linalg.norm(points[:, None] - x[witnesses], axis=-1)
     low, high = table.lower[vertex, witnesses], table.upper[vertex, witnesses]
     within = (apart >= low - options.tolerance) & (apart <= high + options.tolerance)
-    return _merged(points[within.all(axis=1)], options.tolerance)
+    points = points[within.all(axis=1)]
+    touching = len(points) == 2 and np.abs(points[0] - points[1]).max() <= options.tolerance
+    return points[:1] if touching else points
 
 
 def _spread(x: Floats, references: Ints, axes: int) -> Ints:
@@ -256,13 +241,6 @@ def _spread(x: Floats, references: Ints, axes: int) -> Ints:
     along = x[second] - x[first]
     area = np.linalg.norm(np.cross(x[references] - x[first], along), axis=1)
     return np.array([first, second, references[area.argmax()]])
-
-
-def _merged(points: Floats, tolerance: float) -> Floats:
-    """The two meetings of spheres that only touch are one point."""
-    if len(points) == 2 and np.abs(points[0] - points[1]).max() <= tolerance:
-        return points[:1]
-    return points
 
 
 def _onto(x: Floats, target: Floats) -> Floats:

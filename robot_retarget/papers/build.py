@@ -7,11 +7,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robot_retarget.base.arrays import Floats, Ints
-from robot_retarget.base.errors import GraphError, UsageError, known
+from robot_retarget.base.errors import GraphError, UsageError
 from robot_retarget.graph.track import Track
+from robot_retarget.human.motion import Motion
 from robot_retarget.papers.edges import BONE, POSTURE, SEPARATION, SMOOTHNESS, PointKind, trace
 from robot_retarget.papers.evaluation import distances
-from robot_retarget.papers.points import Animated, PointGraph
+from robot_retarget.papers.points import PointGraph
 from robot_retarget.papers.skeletal import SkeletalStructure
 from robot_retarget.papers.solvers import PointSolution
 
@@ -32,29 +33,6 @@ def empty(vertices: Sequence[str], animation: ArrayLike) -> tuple[PointGraph, Fl
         raise GraphError(f"an animation is (frames, vertices, K), got {x.shape}")
     graph = PointGraph((), tuple(vertices), len(x), x.shape[2])
     return graph, graph.checked(x)
-
-
-def listed_edges(
-    vertices: Sequence[str], dimension: int, i: Ints, j: Ints, lower: ArrayLike, upper: ArrayLike, **columns: ArrayLike
-) -> PointGraph:
-    """Return a graph of one frame from a list of distances.
-
-    Args:
-        vertices: (V,) names.
-        i: (E,) index of one end.
-        j: (E,) index of the other end.
-        lower: (E,) least distances [m].
-        upper: (E,) greatest distances [m].
-        columns: priority (E,) or a scalar, 1 by default.
-
-    Raises:
-        GraphError: an index is no vertex.
-    """
-    graph = PointGraph((), tuple(vertices), 1, dimension)
-    outside = [k for k in (*np.ravel(i), *np.ravel(j)) if not 0 <= k < len(graph.vertices)]
-    if outside:
-        raise GraphError(f"an edge ends at vertex {outside[0]} of {len(graph.vertices)}; {known(graph.vertices)}")
-    return replace(graph, tracks=(edge_track(POSTURE, graph, i, j, lower, upper, **columns),))
 
 
 def edge_track(
@@ -139,7 +117,7 @@ def measured(
     return edge_track(kind, graph, i, j, delta, delta, priority)
 
 
-def motion_edges(motion: Animated | ArrayLike, names: Sequence[str] | None, postures: bool, traces: int) -> PointGraph:
+def motion_edges(motion: Motion | ArrayLike, names: Sequence[str] | None, postures: bool, traces: int) -> PointGraph:
     """Return E* of a motion, or of places (T, V, K): see `PointGraph.of`.
 
     Args:
@@ -148,7 +126,7 @@ def motion_edges(motion: Animated | ArrayLike, names: Sequence[str] | None, post
         postures: whether to add every pair of every frame.
         traces: τ, 0 omits traces.
     """
-    if isinstance(motion, Animated):
+    if isinstance(motion, Motion):
         graph, x = empty(motion.skeleton.names, motion.positions)
         parents = np.asarray(motion.skeleton.parents, dtype=np.int64)
     else:
@@ -224,16 +202,6 @@ def smoothness_edges(vertices: Sequence[str], animation: ArrayLike, priority: fl
     most, everyone = np.zeros(x.shape[:2]), np.arange(x.shape[1])
     most[1:-1] = np.linalg.norm(np.diff(x, 2, axis=0), axis=-1)
     return replace(graph, tracks=(edge_track(SMOOTHNESS, graph, everyone, everyone, 0.0, most, priority),))
-
-
-def threshold_edges(candidates: PointGraph, animation: ArrayLike) -> PointGraph:
-    """Return E⁺ of [MucherinoOmer2019, eq. 2]: the candidates whose pair is within its lower bound in the animation.
-
-    Args:
-        candidates: every pair that may be separated, δ = [Δ, ∞].
-        animation: (T, V, K) [m].
-    """
-    return candidates.select(_closer(candidates, candidates.checked(animation), 0.0))
 
 
 def solve_with_thresholds(

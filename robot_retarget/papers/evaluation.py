@@ -3,7 +3,6 @@
 The objectives are those of `objective`. All of them are unchanged by translation, rotation and reflection.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -152,29 +151,6 @@ class Reduced:
 
 
 @dataclass(frozen=True)
-class Explicit:
-    """σ(X, y) = Σ share(d − y) with a variable y within [lower, upper] per edge: z stacks X and y, (N·K + E, B)."""
-
-    inc: Incidence
-    bounds: Intervals
-    objective: Objective
-    dimension: int
-
-    def __call__(self, z: Floats) -> tuple[Floats, Floats]:
-        edges = len(self.bounds.lower)
-        x = z[:-edges].reshape(-1, self.dimension, z.shape[1])
-        r, k = self.inc.differences(x)
-        distance, y = lengths(r), z[-edges:]
-        share, slope, _ = edge_terms(self.objective, distance - y, y, self.bounds.priority, self.bounds.huber_delta)
-        r *= (slope / np.where(distance > 0, distance, np.inf))[:, None]
-        pull = self.inc.gather(r, k).reshape(len(z) - edges, -1)
-        return share.sum(0), np.concatenate([pull, -slope])
-
-    def take(self, columns: NDArray[np.int64]) -> "Explicit":
-        return Explicit(self.inc, taken(self.bounds, columns), self.objective, self.dimension)
-
-
-@dataclass(frozen=True)
 class Lifted:
     """σ(X) in more dimensions than K, plus `weight` times the squared coordinates beyond the first K.
 
@@ -239,14 +215,3 @@ def by_frame(graph: PointGraph) -> tuple[PointGraph, Intervals]:
     lower, upper = (np.concatenate([getattr(track, name).T for track in graph.tracks]) for name in ("lower", "upper"))
     priority = np.concatenate([(track.priority / track.scale**2).T for track in graph.tracks])
     return pattern, Intervals(lower, upper, priority, intervals_of(pattern.edges).huber_delta)
-
-
-def blocks(count: int, size: int) -> Iterator[slice]:
-    """Slices of at most `size` that cover `range(count)`.
-
-    Args:
-        count: number of columns.
-        size: largest number in a block.
-    """
-    for first in range(0, count, size):
-        yield slice(first, min(first + size, count))

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import GraphError
@@ -35,20 +34,6 @@ class Ipopt:
     """How often the steps ahead of interaction edges are renewed at most; they are constants of each round."""
 
 
-@dataclass(frozen=True)
-class Program:
-    """A nonlinear program that was built, ready to be solved from a start."""
-
-    solver: Any
-    graph: PointGraph
-    objective: Objective
-    lower: Floats
-    """Bounds of the constraints."""
-    upper: Floats
-    slack: NDArray[np.int64]
-    """Soft edges with a separate variable: intervals (y), or all soft edges under the relative objective (|e|)."""
-
-
 def constrain(graph: PointGraph, start: Floats, options: Ipopt, objective: Objective) -> Minimum:
     """Minimise the stress of the soft edges from a start (T, V, K) among the realizations that meet the hard ones.
 
@@ -61,8 +46,7 @@ def constrain(graph: PointGraph, start: Floats, options: Ipopt, objective: Objec
     x, history, iterations = start, [], 0
     status, steps = Status.FAILED, _steps(graph, x)
     for _ in range(options.rounds):
-        program = build_program(graph, steps, options, objective)
-        x, status, trace = run_program(program, x, steps)
+        x, status, trace = _solved(graph, x, steps, options, objective)
         history += trace
         iterations += len(trace) - 1
         before, steps = steps, _steps(graph, x)
@@ -71,20 +55,32 @@ def constrain(graph: PointGraph, start: Floats, options: Ipopt, objective: Objec
     return Minimum(x.reshape(-1, 1), np.array(history[-1:]), (status,), (iterations,), tuple(history))
 
 
-def build_program(graph: PointGraph, steps: Floats | None, options: Ipopt, objective: Objective) -> Program:
-    """The program min Σ share(e) over soft edges s.t. lower ≤ d ≤ upper over hard ones and the boxes.
+def _solved(
+    graph: PointGraph, x: Floats, steps: Floats | None, options: Ipopt, objective: Objective
+) -> tuple[Floats, Status, list[float]]:
+    """Solve min Σ share(e) over soft edges s.t. lower ≤ d ≤ upper over hard ones and the boxes, from a start.
+
+    Separate variables: y of soft intervals, or |e| of all soft edges under the relative objective.
 
     Args:
+        x: (T, V, K) the start [m].
         steps: (E, 1) steps ahead of interaction edges, None without any.
-        options: parameters.
+
+    Returns:
+        The coordinates, the status and the history of the objective.
     """
     import casadi as ca
 
     edges, hard = graph.edges, [kind.name for kind in options.hard]
     fixed = np.isin(edges.kind, hard) if hard else np.zeros(len(edges), dtype=bool)
     soft = np.flatnonzero(~fixed)
-    slack = soft if objective is Objective.RELATIVE else soft[~edges.exact[soft]]
-    _refuse_relative_intervals(edges, soft, objective)
+    relative, wide = objective is Objective.RELATIVE, soft[~edges.exact[soft]]
+    if relative and wide.size:
+        raise GraphError(
+            f"edge {edges.name(wide[0])} is a soft interval; under RELATIVE make its kind {edges.kind[wide[0]]} hard, "
+            "or use RELATIVE_SQUARED"
+        )
+    slack = soft if relative else wide
     count = graph.frames * len(graph.vertices)
     points, free = ca.MX.sym("x", graph.dimension, count), ca.MX.sym("y", len(slack))
     r = _differences(graph, points, steps, ca)
@@ -97,45 +93,24 @@ def build_program(graph: PointGraph, steps: Floats | None, options: Ipopt, objec
     below = np.concatenate([edges.lower[apart], zeros, np.zeros(extra.numel())])
     above = np.concatenate([edges.upper[apart], zeros, np.full(extra.numel(), np.inf)])
     problem = {"x": ca.vertcat(ca.vec(points), free), "f": value, "g": constraints}
-    return Program(ca.nlpsol("dgp", "ipopt", problem, _settings(options)), graph, objective, below, above, slack)
-
-
-def run_program(program: Program, x: Floats, steps: Floats | None) -> tuple[Floats, Status, list[float]]:
-    """Solve a program from a start (T, V, K); the coordinates, the status and the objective's history.
-
-    Args:
-        program: of `build_program`.
-        x: (T, V, K) coordinates [m].
-        steps: (E, 1) steps ahead of interaction edges, None without any.
-    """
-    graph, slack = program.graph, program.slack
+    solver = ca.nlpsol("dgp", "ipopt", problem, _settings(options))
     lower, upper = box_of(graph, x)
-    d = _measure(graph, x, steps)[slack]
-    if program.objective is Objective.RELATIVE:
-        y, low, high = np.abs(d - graph.edges.lower[slack]), np.zeros(len(slack)), np.full(len(slack), np.inf)
+    now, low, high = _measure(graph, x, steps)[slack], edges.lower[slack], edges.upper[slack]
+    if relative:
+        y, low, high = np.abs(now - low), np.zeros(len(slack)), np.full(len(slack), np.inf)
     else:
-        low, high = graph.edges.lower[slack], graph.edges.upper[slack]
-        y = np.clip(d, low, high)
-    answer = program.solver(
+        y = np.clip(now, low, high)
+    answer = solver(
         x0=np.concatenate([np.clip(x, lower, upper).ravel(), y]),
         lbx=np.concatenate([lower.ravel(), low]),
         ubx=np.concatenate([upper.ravel(), high]),
-        lbg=program.lower,
-        ubg=program.upper,
+        lbg=below,
+        ubg=above,
     )
-    stats = program.solver.stats()
+    stats = solver.stats()
     found = np.array(answer["x"]).ravel()[: x.size].reshape(x.shape)
     trace = [float(value) for value in stats.get("iterations", {}).get("obj", [float(answer["f"])])]
-    return found, _status(stats["return_status"]), trace
-
-
-def _refuse_relative_intervals(edges: Edges, soft: NDArray[np.int64], objective: Objective) -> None:
-    wide = soft[~edges.exact[soft]]
-    if objective is Objective.RELATIVE and wide.size:
-        raise GraphError(
-            f"edge {edges.name(wide[0])} is a soft interval; under RELATIVE make its kind {edges.kind[wide[0]]} hard, "
-            "or use RELATIVE_SQUARED"
-        )
+    return found, _STATUSES.get(stats["return_status"], Status.FAILED), trace
 
 
 def _differences(graph: PointGraph, points: Any, steps: Floats | None, ca: Any) -> Any:
@@ -207,7 +182,3 @@ _STATUSES = {
     "Restoration_Failed": Status.UNREACHED,
     "Search_Direction_Becomes_Too_Small": Status.BLOCKED,
 }
-
-
-def _status(name: str) -> Status:
-    return _STATUSES.get(name, Status.FAILED)

@@ -1,9 +1,9 @@
 """The graph of free points: the papers' problem, whose realization is x: V × T → ℝ^K."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,23 +14,9 @@ from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.graph import Graph
 from robot_retarget.graph.interaction import Interaction
 from robot_retarget.graph.kinds.own import OwnKind
-from robot_retarget.graph.track import FRAME, HARD, Objective, Track, exact, merged
+from robot_retarget.graph.track import FRAME, HARD, Track, exact, merged
+from robot_retarget.human.motion import Motion
 from robot_retarget.papers.edges import BONE, Edges, expand
-
-
-@runtime_checkable
-class Animated(Protocol):
-    """A motion as input of graphs: positions of named joints in a tree over time."""
-
-    @property
-    def skeleton(self) -> Any:
-        """A skeleton with `names` (V,) and `parents` (V,), −1 at a root."""
-        ...
-
-    @property
-    def positions(self) -> Floats:
-        """(T, V, K) [m]."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +86,7 @@ class PointGraph(Graph):
     @classmethod
     def of(
         cls,
-        motion: "Animated | ArrayLike",
+        motion: "Motion | ArrayLike",
         names: Sequence[str] | None = None,
         *,
         postures: bool = True,
@@ -206,15 +192,6 @@ class PointGraph(Graph):
         """Return G_t, one posture of the animation."""
         return self.induced(np.arange(len(self.vertices)), frame, frame)
 
-    def of_vertex(self, name: str, first: int = 0, last: int | None = None) -> "PointGraph":
-        """Return G_v^(first, last), the trajectory of one object.
-
-        Args:
-            name: of the object.
-            last: last frame, included; the last of all by default.
-        """
-        return self.induced([self.place(name)], first, self.frames - 1 if last is None else last)
-
     def checked(self, realization: ArrayLike) -> Floats:
         """Return a realization as (T, V, K); a single frame may omit T.
 
@@ -275,27 +252,6 @@ def expanded(graph: RobotGraph) -> PointGraph:
     below, above = (np.where(np.isnan(held), free, held) for free in (-np.inf, np.inf))
     chosen = (_bones(graph), *(track for track in tracks if len(track)))
     return PointGraph(chosen, vertices, len(graph), 3, box_lower=below, box_upper=above)
-
-
-PRINTED = (Objective.RELATIVE, Objective.HALF_SQUARED, Objective.SQUARED)
-"""The papers' objectives."""
-
-
-def printed_stress(graph: RobotGraph, measured: Mapping[str, Floats]) -> dict[Objective, Floats]:
-    """Return (T,) σ per objective of the papers over `expanded(graph)` without bones, which hold.
-
-    Args:
-        graph: a described graph.
-        measured: per kind (T, E) the measures, as in `Solution.measured`.
-    """
-    vertices = (*graph.match.keypoints, *places_of(graph))
-    found = {objective: np.zeros(len(graph)) for objective in PRINTED}
-    for kind, values in measured.items():
-        track = graph.kinds[kind]
-        free = between_points(track, vertices)
-        for objective, total in found.items():
-            total += track.subset(free).stress(values[:, free], objective).sum(axis=1)
-    return found
 
 
 def places_of(graph: RobotGraph) -> dict[str, Floats]:

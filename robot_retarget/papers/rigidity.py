@@ -86,26 +86,6 @@ def rigid_rank(count: int, dimension: int) -> int:
     return dimension * count - dimension * (dimension + 1) // 2
 
 
-def rank(positions: ArrayLike, edges: ArrayLike) -> int:
-    """Rank of the rigidity matrix at given positions (V, K).
-
-    Args:
-        positions: (V, K) [m].
-        edges: (E, 2) indices of both ends in V.
-    """
-    return _rank(rigidity_matrix(positions, edges))
-
-
-def generic_rank(edges: ArrayLike, count: int, dimension: int) -> int:
-    """Rank of the rigidity matrix at almost every position.
-
-    Args:
-        edges: (E, 2) indices of both ends in V.
-        count: number of vertices n.
-    """
-    return rank(_generic(count, dimension), edges)
-
-
 def locally_rigid(edges: ArrayLike, count: int, dimension: int) -> bool:
     """Whether a generic framework of these edges has no continuous deformation.
 
@@ -113,7 +93,7 @@ def locally_rigid(edges: ArrayLike, count: int, dimension: int) -> bool:
         edges: (E, 2) indices of both ends in V.
         count: number of vertices n.
     """
-    return generic_rank(edges, count, dimension) == rigid_rank(count, dimension)
+    return _rank(rigidity_matrix(_generic(count, dimension), edges)) == rigid_rank(count, dimension)
 
 
 def stress_matrix_rank(edges: ArrayLike, count: int, dimension: int) -> int:
@@ -168,21 +148,6 @@ def admits(graph: PointGraph, structure: SkeletalStructure, tolerance: float = 1
         if pair in wanted and abs(edges.lower[edge] - wanted[pair]) <= tolerance:
             met.add((int(edges.i[edge]) // size, pair))
     return len(met) == graph.frames * len(wanted)
-
-
-def rigidity_eigenvalues(positions: ArrayLike, edges: ArrayLike, weights: ArrayLike = 1.0) -> Floats:
-    """(T,) the (K(K+1)/2 + 1)-th eigenvalue of Rᵀ diag(a) R in every frame [m²]: positive where the frame is rigid.
-
-    Args:
-        positions: (T, V, K) [m].
-        edges: (E, 2).
-        weights: a ≥ 0, broadcast to (T, E); 0 where a link is lost.
-    """
-    matrix = rigidity_matrix(positions, edges)
-    axes = np.shape(positions)[-1]
-    weight = np.broadcast_to(np.asarray(weights, dtype=np.float64), matrix.shape[:-1])
-    values = np.linalg.eigvalsh(np.swapaxes(matrix, -1, -2) @ (weight[..., None] * matrix))
-    return np.asarray(values[..., axes * (axes + 1) // 2], dtype=np.float64)
 
 
 def _edges(edges: ArrayLike, count: int) -> Ints:

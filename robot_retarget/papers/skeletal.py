@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from robot_retarget.base.arrays import Floats, Ints, frozen
 from robot_retarget.base.errors import GraphError
-from robot_retarget.papers.points import Animated
+from robot_retarget.human.motion import Motion
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class SkeletalStructure:
             raise GraphError(f"joint {self.names[short[0] + 1]!r} coincides with its parent")
 
     @classmethod
-    def of(cls, motion: Animated) -> "SkeletalStructure":
+    def of(cls, motion: Motion) -> "SkeletalStructure":
         """The body of a motion, its bones as in its rest pose.
 
         Raises:

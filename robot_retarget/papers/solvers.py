@@ -10,20 +10,13 @@ from numpy.typing import ArrayLike
 
 from robot_retarget.base.arrays import Floats, frozen
 from robot_retarget.base.errors import UsageError
-from robot_retarget.graph.graph import EdgeError
 from robot_retarget.graph.track import Objective, Status
-from robot_retarget.papers.edges import Incidence
 from robot_retarget.papers.evaluation import (
-    Explicit,
-    Intervals,
     Reduced,
-    blocks,
     box_of,
     by_frame,
-    distances,
     errors,
     intervals_of,
-    lengths,
     operator,
     relative_errors,
     stress,
@@ -90,17 +83,6 @@ class PointSolution:
         """LDE, the largest relative error over the edges."""
         return float(self.relative_errors.max(initial=0.0))
 
-    def costliest(self, count: int = 8) -> list[EdgeError]:
-        """Return the edges with the largest stress over all frames, each at its worst frame."""
-        measured, first = {}, 0
-        d = distances(self.graph, self.positions)
-        for track in self.graph.tracks:
-            present = track.present
-            values = np.clip(np.zeros(present.shape), track.lower, track.upper)
-            values[present] = d[first : first + int(present.sum())]
-            measured[track.name], first = values, first + int(present.sum())
-        return self.graph.costliest(measured, count)
-
 
 _BATCH = 128
 """Frames solved side by side: their edges stay in the processor's cache."""
@@ -133,10 +115,8 @@ def solve(
         return _solution(graph, [constrain(graph, x, options, objective)], objective, began, "ipopt")
     if isinstance(options, Newton):
         return _solution(graph, [descend(graph, x, options, objective)], objective, began, "newton")
-    box = tuple(side.reshape(-1, 1) for side in box_of(graph, x))
-    found = _spectral(
-        operator(graph), intervals_of(graph.edges), objective, x.reshape(-1, 1), box, graph.dimension, options
-    )
+    box = [side.reshape(-1, 1) for side in box_of(graph, x)]
+    found = minimise(_reduced(graph, objective), x.reshape(-1, 1), *box, options)
     return _solution(graph, [found], objective, began, "spectral")
 
 
@@ -154,13 +134,12 @@ def solve_frames(
     x, options = _ready(graph, start, objective), options or Spectral()
     began = time.perf_counter()
     pattern, bounds = by_frame(graph)
-    inc = operator(pattern)
-    lower, upper = (side.reshape(graph.frames, -1).T for side in box_of(graph, x))
-    z, found = x.reshape(graph.frames, -1).T, []
-    for block in blocks(graph.frames, _BATCH):
-        part = taken(bounds, block)
-        box = lower[:, block], upper[:, block]
-        found.append(_spectral(inc, part, objective, z[:, block], box, graph.dimension, options))
+    inc, found = operator(pattern), []
+    z, lower, upper = (side.reshape(graph.frames, -1).T for side in (x, *box_of(graph, x)))
+    for first in range(0, graph.frames, _BATCH):
+        block = slice(first, first + _BATCH)
+        part = Reduced(inc, taken(bounds, block), objective, graph.dimension)
+        found.append(minimise(part, z[:, block], lower[:, block], upper[:, block], options))
     return _solution(graph, found, objective, began, "spectral")
 
 
@@ -183,9 +162,9 @@ def multistart(
     xs, options = [_ready(graph, start, objective) for start in starts], options or Spectral()
     began = time.perf_counter()
     boxes = [box_of(graph, x) for x in xs]
-    box = tuple(np.stack([sides[side].ravel() for sides in boxes], axis=1) for side in range(2))
+    box = [np.stack([sides[side].ravel() for sides in boxes], axis=1) for side in range(2)]
     z = np.stack([x.ravel() for x in xs], axis=1)
-    found = _spectral(operator(graph), intervals_of(graph.edges), objective, z, box, graph.dimension, options)
+    found = minimise(_reduced(graph, objective), z, *box, options)
     best = int(np.argmin(found.values))
     chosen = Minimum(
         found.z[:, [best]], found.values[[best]], (found.statuses[best],), (found.iterations[best],), found.history
@@ -193,30 +172,14 @@ def multistart(
     return _solution(graph, [chosen], objective, began, "spectral")
 
 
+def _reduced(graph: PointGraph, objective: Objective) -> Reduced:
+    return Reduced(operator(graph), intervals_of(graph.edges), objective, graph.dimension)
+
+
 def _ready(graph: PointGraph, start: ArrayLike, objective: Objective) -> Floats:
     if objective is Objective.RELATIVE:
         raise UsageError("the relative objective has kinks: use RELATIVE_SQUARED, or Ipopt, which takes it")
     return graph.checked(start)
-
-
-def _spectral(
-    inc: Incidence,
-    bounds: Intervals,
-    objective: Objective,
-    z: Floats,
-    box: tuple[Floats, ...],
-    dimension: int,
-    options: Spectral,
-) -> Minimum:
-    """Minimise over X, or over (X, y) with y started at the point of its interval nearest to d."""
-    lower, upper = box
-    if not options.explicit:
-        return minimise(Reduced(inc, bounds, objective, dimension), z, lower, upper, options)
-    d = lengths(inc.differences(z.reshape(-1, dimension, z.shape[1]))[0])
-    tall, shape = np.concatenate([z, bounds.nearest(d)]), d.shape
-    floor = np.concatenate([lower, np.broadcast_to(bounds.lower, shape)])
-    ceiling = np.concatenate([upper, np.broadcast_to(bounds.upper, shape)])
-    return minimise(Explicit(inc, bounds, objective, dimension), tall, floor, ceiling, options)
 
 
 def _solution(

@@ -8,21 +8,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from robot_retarget.papers import (
-    Ipopt,
-    Newton,
-    Spectral,
-    adapt,
-    branch_and_prune,
-    frame_edges,
-    interaction_distance,
-    posture_cases,
-    realize,
-    resized,
-    solve,
-    solve_frames,
-    table_one_body,
-)
+from robot_retarget.papers import Ipopt, Newton, Spectral, adapt, frame_edges, interaction_distance, solve, solve_frames
+from robot_retarget.papers.branch import branch_and_prune
+from robot_retarget.papers.skeletal import posture_cases, realize, resized, table_one_body
 
 
 def best(run: Callable[[], object], repeats: int = 7) -> float:

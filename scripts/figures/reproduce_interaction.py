@@ -10,21 +10,21 @@ from paper_scenes import meeting, reaching
 import robot_retarget as rr
 from robot_retarget.base.files import SAMPLES
 from robot_retarget.papers import (
-    INTERACTION,
     Interaction,
     Newton,
     Objective,
     SkeletalStructure,
     Spectral,
     adapt,
-    interacting_positions,
     interaction_distance,
     pair_edges,
-    smoothness_edges,
     solve,
     solve_causally,
     stress,
 )
+from robot_retarget.papers.branch import interacting_positions
+from robot_retarget.papers.build import smoothness_edges
+from robot_retarget.papers.edges import INTERACTION
 
 Row = tuple[str, str, str]
 

@@ -28,33 +28,29 @@ from paper_scenes import (
 from reproduce_interaction import Row, anticipation, clap, online, two_constraints
 
 from robot_retarget.papers import (
-    Branching,
     Ipopt,
     Newton,
     Objective,
-    PointSolution,
     Sensing,
     SkeletalStructure,
     Team,
     adapt,
     bone_edges,
-    branch_and_prune,
     distances,
     formation_rigidity,
     frame_edges,
-    lifted_starts,
     multistart,
-    nearest_realization,
-    posture_cases,
-    resized,
     solve,
     solve_formation,
     solve_with_thresholds,
     stress,
-    table_one_body,
     transfer_directions,
 )
+from robot_retarget.papers.branch import Branching, branch_and_prune, nearest_realization
 from robot_retarget.papers.formation import links
+from robot_retarget.papers.skeletal import posture_cases, resized, table_one_body
+from robot_retarget.papers.solvers import PointSolution
+from robot_retarget.papers.spectral import lifted_starts
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 START, END = "<!-- reproduced: start -->", "<!-- reproduced: end -->"

@@ -7,14 +7,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.errors import GraphError, UsageError
-from robot_retarget.papers import (
-    Interaction,
-    feasible_balls,
-    interacting_positions,
-    interaction_distance,
-    pair_gradient,
-    pair_interaction,
-)
+from robot_retarget.graph.interaction import pair_gradient, pair_interaction
+from robot_retarget.papers import Interaction, interaction_distance
+from robot_retarget.papers.branch import feasible_balls, interacting_positions
 
 RNG = np.random.default_rng(11)
 

@@ -5,7 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.papers import PointGraph, PointKind, listed_edges
+from robot_retarget.papers import PointGraph
+from robot_retarget.papers.build import edge_track
+from robot_retarget.papers.edges import POSTURE, PointKind
 
 
 def graph_of(names: str, pairs: str, lower: Any, upper: Any = None, *, dimension: int = 2, **more: Any) -> PointGraph:
@@ -26,8 +28,9 @@ def table(
     **more: Any,
 ) -> PointGraph:
     """A graph of one frame from plain lists."""
-    graph = listed_edges(vertices, dimension, np.asarray(i), np.asarray(j), lower, upper, priority=priority)
-    return replace(graph, **more)
+    graph = PointGraph((), vertices, 1, dimension)
+    track = edge_track(POSTURE, graph, np.asarray(i), np.asarray(j), lower, upper, priority)
+    return replace(graph, tracks=(track,), **more)
 
 
 def of_kind(graph: PointGraph, kind: PointKind) -> PointGraph:

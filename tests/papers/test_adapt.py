@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot_retarget.base.errors import GraphError
+from robot_retarget.human.match import normalised_distances, path_priorities, path_weights
 from robot_retarget.papers import (
     Blend,
     Ipopt,
@@ -15,19 +16,13 @@ from robot_retarget.papers import (
     SkeletalStructure,
     Spectral,
     adapt,
-    errors,
-    normalised_distances,
-    path_priorities,
-    path_weights,
-    posture_cases,
-    realize,
-    resized,
     solve,
     solve_frames,
     stress,
-    table_one_body,
     transfer_directions,
 )
+from robot_retarget.papers.evaluation import errors
+from robot_retarget.papers.skeletal import posture_cases, realize, resized, table_one_body
 
 BODY = table_one_body()
 POSTURE = BODY.initial_pose

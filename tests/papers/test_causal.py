@@ -9,23 +9,23 @@ from paper_scenes import meeting, team
 
 from robot_retarget.base.errors import UsageError
 from robot_retarget.papers import (
-    INTERACTION,
     Interaction,
     Newton,
     Objective,
-    PointSolution,
     Sensing,
     Team,
     distances,
     formation_rigidity,
     pair_edges,
-    smoothness_edges,
     solve,
     solve_causally,
     solve_formation,
     solve_with_thresholds,
     stress,
 )
+from robot_retarget.papers.build import smoothness_edges
+from robot_retarget.papers.edges import INTERACTION
+from robot_retarget.papers.solvers import PointSolution
 
 
 def walked_online(horizon: int) -> PointSolution:

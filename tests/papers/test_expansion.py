@@ -12,7 +12,7 @@ from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.human.read import read_motion
 from robot_retarget.papers import Newton, distances, solve, stress
-from robot_retarget.papers.points import expanded, printed_stress
+from robot_retarget.papers.points import expanded
 from robot_retarget.robot import load_robot, world_points
 from robot_retarget.solver.solve import solve_graph
 
@@ -65,10 +65,6 @@ def test_the_solved_robot_has_the_stress_that_its_solution_reports() -> None:
     free = instance.without("bone")
     told = sum(float(solution.stress[kind].sum()) for kind in POINTS)
     assert stress(free, placed) == pytest.approx(told, rel=1e-6)
-    printed = printed_stress(solution.graph, solution.measured)
-    assert {objective.value for objective in printed} == {"relative", "half squared", "squared"}
-    for objective, sigma in printed.items():
-        assert sigma.sum() == pytest.approx(stress(free, placed, objective), rel=1e-6)
 
 
 def test_a_small_instance_without_a_robot_has_one_minimum_both_ways() -> None:

@@ -17,11 +17,11 @@ from robot_retarget.papers import (
     SkeletalStructure,
     distances,
     frame_edges,
-    gradient,
     solve,
     solve_frames,
     stress,
 )
+from robot_retarget.papers.evaluation import gradient
 
 
 def test_a_motion_is_the_realization_without_stress_of_its_own_graph() -> None:

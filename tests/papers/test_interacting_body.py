@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.distance import pdist, squareform
 
 from robot_retarget.base.errors import UsageError
-from robot_retarget.papers import Blend, Interaction, Newton, Spectral, adapt, solve, stress, table_one_body
-from robot_retarget.papers.skeletal import ARMS, resized
+from robot_retarget.papers import Blend, Interaction, Newton, Spectral, adapt, solve, stress
+from robot_retarget.papers.skeletal import ARMS, resized, table_one_body
 
 AHEAD = Interaction(6, dead_band=1e-4)
 

@@ -5,19 +5,10 @@ import pytest
 from small_graphs import table
 
 from robot_retarget.base.errors import GraphError, UsageError
-from robot_retarget.papers import (
-    INTERACTION,
-    PointGraph,
-    SkeletalStructure,
-    bone_edges,
-    frame_edges,
-    pair_edges,
-    smoothness_edges,
-    structure_from_pose,
-    threshold_edges,
-    trace_edges,
-)
-from robot_retarget.papers.build import empty
+from robot_retarget.papers import PointGraph, SkeletalStructure, bone_edges, frame_edges, pair_edges, trace_edges
+from robot_retarget.papers.build import empty, smoothness_edges
+from robot_retarget.papers.edges import INTERACTION
+from robot_retarget.papers.skeletal import structure_from_pose
 
 RNG = np.random.default_rng(7)
 
@@ -35,7 +26,6 @@ def triangle(**changes: object) -> PointGraph:
         (dict(upper=[np.nan, 1, 1]), "posture a – b has no interval at frame 0: 1 … nan"),
         (dict(priority=[1, 1, -1]), "posture a – c has a priority that is no number of 0 or more"),
         (dict(priority=[1, np.nan, 1]), "posture b – c has a priority that is no number of 0 or more"),
-        (dict(j=[1, 2, 3]), "ends at vertex 3 of 3; known: a, b, c"),
         (dict(j=[1, 1, 2]), "posture b – b joins a vertex to itself"),
         (dict(box_lower=np.inf, box_upper=0.0), r"vertex a@0 has an empty box"),
     ],
@@ -79,7 +69,7 @@ def test_edge_tables_cannot_be_changed() -> None:
 def test_trace_edges_are_every_pair_within_the_depth(frames: int, depth: int) -> None:
     graph = trace_edges(("a", "b"), RNG.normal(size=(frames, 2, 3)), depth)
     assert len(graph.edges) == 2 * depth * (2 * frames - depth - 1) // 2
-    window = graph.of_vertex("b", frames - 1 - depth, frames - 1)
+    window = graph.induced(1, frames - 1 - depth, frames - 1)
     assert len(window.edges) == depth * (depth + 1) // 2
     assert set(map(tuple, np.sort(np.stack([window.edges.i, window.edges.j], 1)))) == {
         (p, q) for p in range(depth + 1) for q in range(p + 1, depth + 1)
@@ -104,7 +94,7 @@ def test_subgraph_of_a_frame_is_the_posture() -> None:
 def test_subgraph_of_an_object_is_its_trajectory() -> None:
     x = RNG.normal(size=(6, 3, 2))
     graph = trace_edges(("a", "b", "c"), x, 2).joined(frame_edges(("a", "b", "c"), x))
-    track = graph.of_vertex("b")
+    track = graph.induced(1, 0, 5)
     assert track.vertices == ("b",)
     assert set(track.edges.kind.tolist()) == {"trace 1", "trace 2"}
     np.testing.assert_allclose(
@@ -120,14 +110,6 @@ def test_induced_subgraph_keeps_boxes_and_fixed_vertices() -> None:
     assert part.fixed.tolist() == [[False, True]]
     assert part.box_upper.tolist() == [[[4, 5], [0, 1]]]
     assert part.edges.name(0) == "a–c"
-
-
-def test_thresholds_take_the_pairs_that_are_too_close() -> None:
-    x = np.array([[[0, 0], [1, 0]], [[0, 0], [0.1, 0]], [[0, 0], [0.05, 0]]], dtype=float)
-    bare, _ = empty(("a", "b"), x)
-    chosen = threshold_edges(pair_edges(bare, [("a", "b")], 0.1), x)
-    assert [chosen.edges.name(edge) for edge in range(len(chosen.edges))] == ["a@1–b@1", "a@2–b@2"]
-    assert (chosen.edges.upper == np.inf).all()
 
 
 def test_graphs_over_other_vertices_cannot_be_joined() -> None:

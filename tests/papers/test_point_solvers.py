@@ -7,19 +7,15 @@ import pytest
 from small_graphs import graph_of, of_kind, table
 
 from robot_retarget.base.errors import GraphError, UsageError
+from robot_retarget.graph.track import Status
 from robot_retarget.papers import (
-    BONE,
-    INTERACTION,
     Interaction,
     Ipopt,
     Newton,
     Objective,
-    PointKind,
     Spectral,
-    Status,
     distances,
     frame_edges,
-    gradient,
     multistart,
     pair_edges,
     solve,
@@ -28,6 +24,8 @@ from robot_retarget.papers import (
     stress,
     trace_edges,
 )
+from robot_retarget.papers.edges import BONE, INTERACTION, PointKind
+from robot_retarget.papers.evaluation import gradient
 from robot_retarget.papers.spectral import Single, minimise
 
 RNG = np.random.default_rng(21)
@@ -49,7 +47,6 @@ def test_all_methods_reach_one_minimum(objective: Objective, dimension: int) -> 
     graph, x = wide_graph(dimension)
     reduced = solve(graph, x, TIGHT, objective)
     found = [
-        solve(graph, x, replace(TIGHT, explicit=True), objective),
         solve(graph, x, Newton(), objective),
         solve(graph, x, Ipopt(()), objective),
     ]
@@ -71,8 +68,6 @@ def test_solution_judges_itself() -> None:
     np.testing.assert_allclose(np.abs(solution.errors), third, atol=1e-6)
     assert solution.largest_error == pytest.approx(third, abs=1e-6)
     assert solution.mean_error == pytest.approx((third + third + third / 3) / 3, abs=1e-6)
-    assert solution.costliest(1)[0].name in ("posture a – b", "posture b – c", "posture a – c")
-    assert abs(solution.costliest(1)[0].error) == pytest.approx(third, abs=1e-6)
     assert solution.history[0] == pytest.approx(stress(graph, [[0, 0], [1, 0.1], [2, 0]]))
     assert solution.history[-1] == pytest.approx(solution.stress)
 
@@ -104,7 +99,7 @@ def test_spectral_method_solves_a_convex_quadratic_in_its_box() -> None:
     assert (slope[~inside] * held.z[~inside, 0] < 0).all()
 
 
-@pytest.mark.parametrize("options", [Spectral(), Spectral(explicit=True), Newton()])
+@pytest.mark.parametrize("options", [Spectral(), Newton()])
 def test_fixed_vertices_and_boxes_hold(options: Spectral | Newton) -> None:
     graph, x = wide_graph()
     fixed = np.zeros((1, 8), dtype=bool)

@@ -1,6 +1,7 @@
 """Rigidity against graphs whose answer is known."""
 
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,26 +9,26 @@ from small_graphs import graph_of
 
 from robot_retarget.base.errors import GraphError
 from robot_retarget.human.match import paths
-from robot_retarget.papers import (
-    adapt,
+from robot_retarget.papers import Sensing, Team, adapt, bone_edges, formation_rigidity, frame_edges
+from robot_retarget.papers.rigidity import (
     admits,
-    bone_edges,
     congruent,
-    frame_edges,
     globally_rigid,
     isometric,
     locally_rigid,
-    rigidity_eigenvalues,
     rigidity_matrix,
-    structure_from_pose,
-    table_one_body,
+    stress_matrix_rank,
 )
-from robot_retarget.papers.rigidity import generic_rank, rank, stress_matrix_rank
+from robot_retarget.papers.skeletal import structure_from_pose, table_one_body
 
 RNG = np.random.default_rng(5)
 CYCLE = [(0, 1), (1, 2), (2, 3), (0, 3)]
 PRISM = [(0, 1), (1, 2), (0, 2), (3, 4), (4, 5), (3, 5), (0, 3), (1, 4), (2, 5)]
 TWO_TETRAHEDRA = [pair for pair in combinations(range(5), 2) if pair != (3, 4)]
+
+
+def rank(positions: np.ndarray, edges: Any) -> int:
+    return int(np.linalg.matrix_rank(rigidity_matrix(positions, edges), rtol=1e-9))
 
 
 def complete(count: int) -> list[tuple[int, int]]:
@@ -51,7 +52,7 @@ def complete(count: int) -> list[tuple[int, int]]:
 def test_known_frameworks(
     edges: list[tuple[int, int]], count: int, dimension: int, expected_rank: int, local: bool, unique: bool
 ) -> None:
-    assert generic_rank(edges, count, dimension) == expected_rank
+    assert rank(RNG.normal(size=(count, dimension)), edges) == expected_rank
     assert locally_rigid(edges, count, dimension) is local
     assert globally_rigid(edges, count, dimension) is unique
 
@@ -72,7 +73,7 @@ def test_body_of_table_one_is_rigid_with_paths_of_four_bones(
     edges = np.argwhere(np.triu((hops >= 1) & (hops <= bones)))
     # The walking posture holds the spine in one plane, which costs the paths of three bones a rank.
     assert rank(body.initial_pose, edges) == expected_walking
-    assert generic_rank(edges, 22, 3) == expected_generic
+    assert rank(RNG.normal(size=(22, 3)), edges) == expected_generic
 
 
 def test_rigidity_matrix_is_the_derivative_of_the_squared_lengths() -> None:
@@ -96,17 +97,18 @@ def test_congruent_bodies_are_isometric_but_not_the_other_way_round() -> None:
     assert isometric(square, mirrored, CYCLE)
 
 
-def test_eigenvalue_vanishes_where_a_link_is_lost() -> None:
-    square = RNG.normal(size=(3, 4, 2))
-    edges = [*CYCLE, (0, 2)]
-    weights = np.ones((3, 5))
-    weights[1, 2] = 0.0
-    values = rigidity_eigenvalues(square, edges, weights)
-    assert values[0] > 1e-3
+def test_eigenvalue_vanishes_where_links_are_lost() -> None:
+    squares = RNG.normal(size=(3, 4, 2))
+    squares[1, 3] += 100.0
+    team = Team(np.arange(4), np.zeros(0, int), Sensing(near=20.0, far=30.0), least=0.1)
+    values = formation_rigidity(team, squares)
     assert abs(values[1]) < 1e-12
-    np.testing.assert_allclose(rigidity_eigenvalues(square, edges)[[0, 2]], values[[0, 2]])
-    space = rigidity_eigenvalues(RNG.normal(size=(1, 5, 3)), complete(5))
-    assert space[0] > 1e-3
+    for frame in (0, 2):
+        matrix = rigidity_matrix(squares[frame], complete(4))
+        assert values[frame] == pytest.approx(np.linalg.eigvalsh(matrix.T @ matrix)[3])
+        assert values[frame] > 1e-3
+    bodies = Team(np.arange(5), np.zeros(0, int), Sensing(near=20.0, far=30.0), least=0.1)
+    assert formation_rigidity(bodies, RNG.normal(size=(1, 5, 3)))[0] > 1e-3
 
 
 def test_graph_admits_a_structure_only_if_every_frame_does() -> None:

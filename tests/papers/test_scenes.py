@@ -21,7 +21,6 @@ from robot_retarget.papers import (
     Ipopt,
     Newton,
     Objective,
-    PointSolution,
     bone_edges,
     distances,
     frame_edges,
@@ -29,6 +28,7 @@ from robot_retarget.papers import (
     solve,
     solve_with_thresholds,
 )
+from robot_retarget.papers.solvers import PointSolution
 
 papers = partial(solve, objective=Objective.HALF_SQUARED)
 SCENES = {"meeting": meeting, "crossing": crossing, "clock": clock}

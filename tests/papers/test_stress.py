@@ -12,18 +12,16 @@ from small_graphs import graph_of, of_kind
 
 from robot_retarget.graph.track import FLOOR
 from robot_retarget.papers import (
-    INTERACTION,
     Interaction,
     Objective,
     PointGraph,
     distances,
-    errors,
     frame_edges,
-    gradient,
     interaction_distance,
-    relative_errors,
     stress,
 )
+from robot_retarget.papers.edges import INTERACTION
+from robot_retarget.papers.evaluation import errors, gradient, relative_errors
 
 NAMES = tuple("abcdefg")
 
