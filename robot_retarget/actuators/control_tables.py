@@ -34,14 +34,6 @@ HARDWARE_ERRORS = {
     OVERLOAD: "overload",
 }
 """Bits of `hardware_error_status`."""
-MODES = {
-    0: "current",
-    1: "velocity",
-    3: "position",
-    4: "extended position",
-    5: "current-based position",
-    16: "PWM",
-}
 
 
 class Register(NamedTuple):

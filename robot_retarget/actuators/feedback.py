@@ -158,8 +158,6 @@ class Law:
         dt: time between two ticks [s].
     """
 
-    feedback: Feedback
-
     def __init__(self, feedback: Feedback, dt: float) -> None:
         self.feedback, self._dt = feedback, dt
         self._fusion = Fusion(feedback.fusion)

@@ -133,16 +133,13 @@ class Monitor:
 
     def step(self, reading: Reading | None) -> str | None:
         """Take the reading of a tick, and return the fault that has lasted for `FROZEN` until now, or None."""
-        same = reading is None or (self._last is not None and _equal(reading, self._last))
+        same = reading is None or (self._last is not None and np.array_equal(np.array(reading), np.array(self._last)))
         self._same = self._same + self._dt if same else 0.0
         if reading is not None:
             full = np.abs(reading.gyro).max() >= 0.99 * self._imu.gyro_range
-            self._saturated = self._saturated + self._dt if full else 0.0
-            silent, self._last = False, reading
-        else:
-            silent = True
+            self._saturated, self._last = self._saturated + self._dt if full else 0.0, reading
         if self._same >= FROZEN:
-            return "the inertial sensor does not answer" if silent else "the inertial sensor gives the same reading"
+            return f"the inertial sensor {'does not answer' if reading is None else 'gives the same reading'}"
         return "the gyroscope is saturated" if self._saturated >= FROZEN else None
 
 
@@ -177,10 +174,6 @@ def rest_faults(readings: Sequence[Reading], imu: Imu, planned: Floats | None = 
             which = ("roll", "pitch")[int(np.abs(off).argmax())]
             faults.append(f"{which} is {np.abs(off).max():.2g} rad from the pose's: look over the axes of [imu]")
     return faults
-
-
-def _equal(one: Reading, other: Reading) -> bool:
-    return bool((one.gyro == other.gyro).all() and (one.accel == other.accel).all())
 
 
 # A test lean before a motion: the robot leans a little to its right and ahead, and its sensor must measure that.

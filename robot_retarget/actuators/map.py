@@ -329,20 +329,17 @@ def _from_table(table: dict[str, Any]) -> ServoMap:
         _build(Servo, {"joint": joint, **_dict(entry, "servo", joint)}, joint, "servo", joint)
         for joint, entry in _dict(table.get("servo", {}), "servo").items()
     ]
-    limits = _build(Limits, _dict(table.get("limits", {}), "limits"), "[limits]", "limits")
-    stop = _build(Stop, _dict(table.get("stop", {}), "stop"), "[stop]", "stop")
-    imu, balance = (_optional(kind, table, name) for kind, name in ((Imu, "imu"), (Balance, "balance")))
+    parts = {
+        name: _build(kind, _dict(table[name], name), f"[{name}]", name)
+        for name, kind in (("limits", Limits), ("stop", Stop), ("imu", Imu), ("balance", Balance))
+        if name in table
+    }
     identified = {
         model: _build(Identified, _dict(entry, "identified", model), f"[identified] {model}", "identified", model)
         for model, entry in _dict(table.get("identified", {}), "identified").items()
     }
     baud = table.get("baud", 1_000_000)
-    return ServoMap(robot, tuple(servos), baud, limits, stop, tuple(passive), imu, balance, identified)
-
-
-def _optional(kind: Any, table: dict[str, Any], name: str) -> Any:
-    """A dataclass from a table of the map, or None where the map has none of that name."""
-    return _build(kind, _dict(table[name], name), f"[{name}]", name) if name in table else None
+    return ServoMap(robot, tuple(servos), baud, passive=tuple(passive), identified=identified, **parts)
 
 
 def _build(kind: Any, values: dict[str, Any], what: str, *key: str) -> Any:

@@ -49,7 +49,7 @@ def lengths(vectors: Floats) -> Floats:
 
 
 def as_slice(indices: Ints) -> Ints | slice:
-    """Return indices (N,) as a slice, which is faster, where they are consecutive."""
+    """Return consecutive indices (N,) as a slice, which is faster; other indices unchanged."""
     consecutive = indices.size and (np.diff(indices) == 1).all()
     return slice(int(indices[0]), int(indices[-1]) + 1) if consecutive else indices
 

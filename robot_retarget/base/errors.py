@@ -16,7 +16,7 @@ def printable(text: str, instead: Callable[[int], str] = lambda code: " ") -> st
     """Return a text without control characters, which a terminal obeys; line ends stay.
 
     Args:
-        instead: what stands for a character, by its code.
+        instead: returns the replacement of a character from its code.
     """
     return "".join(c if c.isprintable() or c == "\n" else instead(ord(c)) for c in text)
 
@@ -82,7 +82,7 @@ DISTRIBUTION = "humanoid-retarget"
 
 @cache
 def extra_requirements(extra: str) -> tuple[str, ...]:
-    """Return what an extra of this package asks for, from the metadata of the installation; empty without them."""
+    """Return the requirements of an extra from the metadata of the installation; empty without metadata."""
     from importlib.metadata import PackageNotFoundError, requires
 
     try:
@@ -93,9 +93,9 @@ def extra_requirements(extra: str) -> tuple[str, ...]:
 
 
 def install_line(extra: str) -> str:
-    """Return the command that installs what an extra asks for, for the Python that runs.
+    """Return the command that installs the requirements of an extra into the running Python.
 
-    It names the other projects' packages: this one need not be on an index.
+    The command names the required packages, because this distribution may not be on an index.
     """
     wanted = extra_requirements(extra) or (f".[{extra}]",)
     return shlex.join([sys.executable, "-m", "pip", "install", *wanted])

@@ -9,10 +9,6 @@ Progress = Callable[[int, int], None]
 class Count:
     """Counts steps towards a progress report."""
 
-    progress: Progress | None
-    total: int
-    done: int
-
     def __init__(self, progress: Progress | None, total: int):
         self.progress, self.total, self.done = progress, total, 0
 

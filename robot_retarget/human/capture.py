@@ -44,28 +44,24 @@ class Capture:
 
     def __post_init__(self) -> None:
         for values in (self.positions, self.rotations):
-            if values is not None and not np.isfinite(values).all():
-                frame, joint = np.argwhere(~np.isfinite(values))[0, :2]
-                raise MotionError(f"frame {frame}, joint {self.skeleton.names[joint]!r} is not finite", self.source)
+            if values is not None:
+                self._refuse(~np.isfinite(values).all(axis=2), " is not finite")
         if not np.isfinite(self.skeleton.offsets).all():
             joint = int(np.argwhere(~np.isfinite(self.skeleton.offsets))[0, 0])
             raise MotionError(f"the offset of joint {self.skeleton.names[joint]!r} is not finite", self.source)
         if self.rotations is not None:
-            off = np.abs(np.sqrt(np.vecdot(self.rotations, self.rotations)) - 1) > UNIT
-            if off.any():
-                frame, joint = np.argwhere(off)[0]
-                name = self.skeleton.names[joint]
-                raise MotionError(f"frame {frame}, joint {name!r}: the quaternion is not unit", self.source)
+            norms = np.sqrt(np.vecdot(self.rotations, self.rotations))
+            self._refuse(np.abs(norms - 1) > UNIT, ": the quaternion is not unit")
         if not np.ptp(self.positions, axis=1).any() and len(self.skeleton) > 1:
             raise MotionError("all joints are at one place in every frame", self.source)
-        far = np.abs(self.positions) > FARTHEST
-        if far.any():
-            frame, joint, axis = np.argwhere(far)[0]
-            raise MotionError(
-                f"frame {frame}, joint {self.skeleton.names[joint]!r} is at {self.positions[frame, joint, axis]:.3g}, "
-                f"farther than {FARTHEST:g} from the origin",
-                self.source,
-            )
+        far = np.abs(self.positions).max(axis=2)
+        self._refuse(far > FARTHEST, f" is at {far.max():.3g}, farther than {FARTHEST:g} from the origin")
+
+    def _refuse(self, wrong: Bools, what: str) -> None:
+        """Name the first frame and joint (T, J) that are wrong."""
+        if wrong.any():
+            frame, joint = np.argwhere(wrong)[0]
+            raise MotionError(f"frame {frame}, joint {self.skeleton.names[joint]!r}{what}", self.source)
 
     def part(self, frames: slice) -> "Capture":
         """Some of the frames."""
@@ -203,28 +199,23 @@ def performers(capture: Capture) -> list[int]:
     """
     level = np.flatnonzero(capture.skeleton.parents < 0).tolist()
     while level:
-        sizes = [len(below(capture.skeleton, joint)) for joint in level]
+        sizes = [len(capture.skeleton.below(joint)) for joint in level]
         large = [joint for joint, size in zip(level, sizes, strict=True) if size >= FEWEST]
         if len(large) > 1:
-            return [joint for joint in large if _is_human(subtree(capture, joint))]
+            return [joint for joint in large if is_human(subtree(capture, joint))]
         if not large or sorted(sizes)[:-1] != [1] * (len(sizes) - 1):
             return []
         level = np.flatnonzero(capture.skeleton.parents == large[0]).tolist()
     return []
 
 
-def below(skeleton: Skeleton, joint: int) -> list[int]:
-    """A joint and all that it carries.
-
-    Args:
-        skeleton: names and tree of the joints.
-        joint: index of the joint.
-    """
-    carried = {joint}
-    for child in range(joint + 1, len(skeleton)):
-        if int(skeleton.parents[child]) in carried:
-            carried.add(child)
-    return sorted(carried)
+def is_human(capture: Capture) -> bool:
+    """Whether the joints are those of a human body."""
+    try:
+        recognise(capture.skeleton, capture.positions)
+    except MatchError:
+        return False
+    return True
 
 
 def subtree(capture: Capture, joint: int) -> Capture:
@@ -233,18 +224,10 @@ def subtree(capture: Capture, joint: int) -> Capture:
     Args:
         joint: index of the joint.
     """
-    kept = below(capture.skeleton, joint)
+    kept = capture.skeleton.below(joint)
     place = {old: new for new, old in enumerate(kept)}
     old = capture.skeleton
     parents = np.array([place.get(int(old.parents[k]), -1) for k in kept])
     skeleton = Skeleton(tuple(old.names[k] for k in kept), parents, old.offsets[kept])
     rotations = None if capture.rotations is None else capture.rotations[:, kept]
     return replace(capture, skeleton=skeleton, positions=capture.positions[:, kept], rotations=rotations)
-
-
-def _is_human(capture: Capture) -> bool:
-    try:
-        recognise(capture.skeleton, capture.positions)
-    except MatchError:
-        return False
-    return True

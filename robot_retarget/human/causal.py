@@ -72,11 +72,6 @@ _NOT = np.zeros(1, dtype=bool)
 class CausalFeatures:
     """Features of one performer."""
 
-    known: HumanFeatures
-    around: CausalSurroundings | None
-    contacts: CausalContacts
-    leg: float
-
     def __init__(self, known: HumanFeatures, around: CausalSurroundings | None = None):
         """Start with the features of calibration frames, and with the bodies around if there are any."""
         match, x = known.calibration.match, known.positions

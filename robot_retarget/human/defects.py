@@ -1,6 +1,6 @@
 """Stretches in which a limb was lost, and the way across them."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from math import comb
 
@@ -42,7 +42,9 @@ def gaps(jumps: Floats, points: Floats, longest: int) -> Iterator[tuple[int, int
     steps = np.flatnonzero(size).tolist()
     while steps:
         first = steps.pop(0)
-        back = [s for s in steps if s - first <= longest and _returns(jumps[first], jumps[s])]
+        # A jump undoes another to half of the larger one.
+        undone = np.linalg.norm(jumps + jumps[first], axis=1) < 0.5 * np.maximum(size, size[first])
+        back = [s for s in steps if s - first <= longest and undone[s]]
         if back:
             steps = [step for step in steps if step > back[-1]]
             yield first + 1, back[-1], float(size[first : back[-1] + 1].max()), True
@@ -51,11 +53,6 @@ def gaps(jumps: Floats, points: Floats, longest: int) -> Iterator[tuple[int, int
         start = int(np.flatnonzero(moves)[-1]) + 2 if moves.any() else 0
         lost = start > 0 and first - start >= 2
         yield (start, first, float(size[first]), True) if lost else (first + 1, first + 1, float(size[first]), False)
-
-
-def _returns(there: Floats, back: Floats) -> bool:
-    """Whether a jump undoes another, to half of the larger one."""
-    return bool(np.linalg.norm(there + back) < 0.5 * max(np.linalg.norm(there), np.linalg.norm(back)))
 
 
 def bridged(capture: Capture, joint: int, first: int, last: int) -> Capture:
@@ -118,16 +115,6 @@ def excess(steps: Floats, rule: JumpRule) -> Floats:
     return steps - median_filter(steps, size, mode="mirror")
 
 
-def body_jumps(middle: Floats, fps: float, rule: JumpRule) -> Floats:
-    """(T − 1, 3) jumps of the middle of the trunk (T, 3) [leg lengths]; 0 for steps that a body can make.
-
-    Args:
-        middle: (T, 3) middle of the trunk [leg lengths].
-        fps: frames per second [1/s].
-    """
-    return _beyond(middle, rule.body_threshold(fps), rule)
-
-
 def limb_jumps(points: Floats, middle: Floats, fps: float, rule: JumpRule) -> Floats:
     """(T − 1, K, 3) how points (T, K, 3) jump, seen from the middle of the trunk; 0 where they move by themselves.
 
@@ -136,12 +123,13 @@ def limb_jumps(points: Floats, middle: Floats, fps: float, rule: JumpRule) -> Fl
         middle: (T, 3) middle of the trunk [leg lengths].
         fps: frames per second [1/s].
     """
-    return _beyond(points - middle[:, None], rule.limb + rule.limb_acceleration / fps**2, rule)
+    return beyond(points - middle[:, None], rule.limb + rule.limb_acceleration / fps**2, rule)
 
 
-def _beyond(places: Floats, most: float, rule: JumpRule) -> Floats:
-    beyond = excess(np.diff(places, axis=0), rule)
-    return np.where(np.linalg.norm(beyond, axis=-1, keepdims=True) > most, beyond, 0.0)
+def beyond(places: Floats, most: float, rule: JumpRule) -> Floats:
+    """(T − 1, …, 3) jumps of places (T, …, 3); 0 for steps with an excess of at most `most` [leg lengths]."""
+    found = excess(np.diff(places, axis=0), rule)
+    return np.where(np.linalg.norm(found, axis=-1, keepdims=True) > most, found, 0.0)
 
 
 # White noise of a measurement, and a low pass that takes it away.
@@ -263,7 +251,12 @@ def sentences(findings: Iterable[Defect], fps: float) -> tuple[str, ...]:
     kinds: dict[tuple[str, str], list[Defect]] = {}
     for finding in sorted(findings, key=lambda f: -f.size):
         kinds.setdefault((finding.what, finding.done), []).append(finding)
-    return tuple(_sentence(what, done, found, fps) for (what, done), found in kinds.items())
+    said = []
+    for (what, done), found in kinds.items():
+        places = (f"{span(f.first, f.last, fps)}{f', {f.measure}' if f.measure else ''}" for f in found[:LISTED])
+        more = f" and {len(found) - LISTED} more" if len(found) > LISTED else ""
+        said.append(f"{what} at {', '.join(places)}{more}: {done}.")
+    return tuple(said)
 
 
 def span(first: int, last: int, fps: float) -> str:
@@ -276,9 +269,3 @@ def span(first: int, last: int, fps: float) -> str:
     if first == last:
         return f"frame {first} ({first / fps:.2f} s)"
     return f"frames {first}–{last} ({first / fps:.2f}–{last / fps:.2f} s)"
-
-
-def _sentence(what: str, done: str, found: Sequence[Defect], fps: float) -> str:
-    places = ", ".join(f"{span(f.first, f.last, fps)}{f', {f.measure}' if f.measure else ''}" for f in found[:LISTED])
-    more = f" and {len(found) - LISTED} more" if len(found) > LISTED else ""
-    return f"{what} at {places}{more}: {done}."

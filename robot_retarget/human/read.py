@@ -31,7 +31,7 @@ def read_motion(
     Other arguments:
         fps: frames per second, in place of those in the file.
         names: joint names, for arrays that carry none.
-        body_model: the `.npz` of a body model, for the rest skeleton of SMPL parameters.
+        body_model: an `.npz` file with a body model, which gives the rest skeleton of SMPL parameters.
         up: the axis of the file that points up (`x`, `y`, `z`, `-y`, …), in place of the one inferred from the poses.
         repair: repair jumps, gaps under 0.3 s and noise; without, they are only reported.
         height: the human's stature, from which the scale is found, in place of the file's unit [m].
@@ -65,7 +65,7 @@ def performers(path: str | Path) -> tuple[str, ...]:
 
 
 def _captured(file: Path, request: Request) -> tuple[Capture, Request]:
-    """The content of a file, and the request that chooses among people whose joints are one tree."""
+    """Read a file; return its capture, and the request that selects one of several people in one joint tree."""
     try:
         chosen = format_of(file)
         _refuse_unused(request, chosen.takes, f"{file} ({chosen.name})")
@@ -79,7 +79,7 @@ def _captured(file: Path, request: Request) -> tuple[Capture, Request]:
 
 
 def as_motion(motion: Motion | str | Path, repair: bool = True) -> Motion:
-    """Return a motion as it is, or the one of a file (`read_motion`)."""
+    """Return a motion unchanged, or read it from a file (`read_motion`)."""
     return motion if isinstance(motion, Motion) else read_motion(motion, repair=repair)
 
 

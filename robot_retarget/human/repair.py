@@ -12,7 +12,7 @@ from robot_retarget.human.defects import (
     Defect,
     JumpRule,
     NoiseRule,
-    body_jumps,
+    beyond,
     bridged,
     gaps,
     is_smoother,
@@ -92,7 +92,7 @@ def _rooted(capture: Capture, recognition: Recognition, leg: float, rule: Repair
     points = recognition.place(capture.positions) / leg
     trunk = points[:, _trunk_columns(recognition)]
     middle = trunk.mean(axis=1)
-    jumps = body_jumps(middle, capture.fps, rule.steps)
+    jumps = beyond(middle, rule.steps.body_threshold(capture.fps), rule.steps)
     changed = limb_jumps(points, middle, capture.fps, rule.steps).any(axis=2).mean(axis=1) > rule.pose
     findings = [
         _found("Another pose begins", t + 1, float(np.linalg.norm(jumps[t]) + 1.0), "cut the clip there (--frames)")

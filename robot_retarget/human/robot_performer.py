@@ -36,23 +36,19 @@ def performed(trajectory: Trajectory, robot: Robot, anatomy: Anatomy | None = No
     anatomy, qpos = anatomy or recognise_with(robot, {}), trajectory.qpos
     recognition, skeleton = _recognition(anatomy), _skeleton(robot, anatomy)
     feet = sole_contacts(robot, anatomy, qpos, trajectory.fps)
+    around = () if trajectory.scene is None else trajectory.scene.names
+    left_out = (f"The bodies around the robot are left out: {', '.join(around)}.",) if around else ()
     return Motion(
         skeleton,
         world_points(robot, anatomy.points, qpos) - [0.0, 0.0, feet.floor],
         _rotations(robot, anatomy, qpos),
         trajectory.fps,
         trajectory.source,
-        (*trajectory.notes, *_left_out(trajectory)),
+        (*trajectory.notes, *left_out),
         contacts=feet.labels if set(feet.feet) == set(SIDES) else None,
         start_time=float(trajectory.source_time[0]),
         known=recognition,
     )
-
-
-def _left_out(trajectory: Trajectory) -> list[str]:
-    """Return a note about the bodies around the robot."""
-    names = () if trajectory.scene is None else trajectory.scene.names
-    return [f"The bodies around the robot are left out: {', '.join(names)}."] if names else []
 
 
 def _skeleton(robot: Robot, anatomy: Anatomy) -> Skeleton:

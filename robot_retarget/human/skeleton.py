@@ -54,6 +54,14 @@ class Skeleton:
         """A joint and all that carry it, up to the root."""
         return tuple(path_to_root(self.parents, joint))
 
+    def below(self, *joints: int) -> list[int]:
+        """Return some joints and all that they carry."""
+        carried = set(joints)
+        for child, parent in enumerate(self.parents.tolist()):
+            if parent in carried:
+                carried.add(child)
+        return sorted(carried)
+
     def outward(self, joint: int) -> Floats:
         """(3,) from a joint to the next on the way to its farthest descendant at rest [m]; 0 for a joint without children.
 

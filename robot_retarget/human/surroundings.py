@@ -80,13 +80,17 @@ def _placed(body: RigidBody, clip: Motion, part: Motion) -> RigidBody:
 
 def _joint_poses(body: RigidBody, clip: Motion) -> Floats:
     """Return (T, 7) poses of the joint that carries a body."""
-    names = clip.skeleton.names
-    if body.carrier not in names:
-        raise SceneError(f"{body.title}: no joint {body.carrier!r}; {known(names, typed=body.carrier)}")
+    joint = _carrier(body, clip.skeleton)
     if clip.rotations is None:
         raise SceneError(f"{body.title}: {clip.source or 'the motion'} has no rotations: a joint cannot carry it")
-    joint = names.index(body.carrier)
     return np.concatenate([clip.positions[:, joint], clip.rotations[:, joint]], axis=1)
+
+
+def _carrier(body: RigidBody, skeleton: Skeleton) -> int:
+    """Return the joint that carries a body."""
+    if body.carrier not in skeleton.names:
+        raise SceneError(f"{body.title}: no joint {body.carrier!r}; {known(skeleton.names, typed=body.carrier)}")
+    return skeleton.names.index(body.carrier)
 
 
 def _require_unit(body: RigidBody, poses: Floats, clip: Motion) -> None:
@@ -181,17 +185,12 @@ class LiveScene:
         Raises:
             SceneError: the skeleton has no such carrier.
         """
-        for body in scene.bodies:
-            if body.carrier and body.carrier not in skeleton.names:
-                raise SceneError(
-                    f"{body.title}: no joint {body.carrier!r}; {known(skeleton.names, typed=body.carrier)}"
-                )
         self._scene, self._faults = scene, faults
         first = [IDENTITY if body.carrier else np.atleast_2d(body.poses)[0] for body in scene.bodies]
         self.poses: Floats = np.array(first, dtype=float).reshape(-1, 7)
         """(B, 7) latest poses."""
         self._carried = [
-            (k, skeleton.names.index(body.carrier), body.poses) for k, body in enumerate(scene.bodies) if body.carrier
+            (k, _carrier(body, skeleton), body.poses) for k, body in enumerate(scene.bodies) if body.carrier
         ]
         self._sent: set[str] = set()
 

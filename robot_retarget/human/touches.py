@@ -114,16 +114,14 @@ class Surroundings:
 class TouchProbe:
     """Where parts of a human are, measured from the bodies around it."""
 
-    scene: Scene
-    pairs: tuple[tuple[str, int], ...]
-
     def __init__(self, match: Match, skeleton: Skeleton, scene: Scene):
         """Compile the bodies of a scene, and find the parts of a human that can touch them."""
         self.scene, self.match, self._model = scene, match, SceneModel(scene)
         self._parts = [k for k in match.keypoints if k.split("_")[-1] in FLESH]
         self._solid = [b for b, body in enumerate(scene.bodies) if body.shape.kind is not ShapeKind.HEIGHT_FIELD]
         self.pairs = tuple((part, b) for part in self._parts for b in self._solid)
-        below = {part: _below(skeleton, match, part) for part in self._parts if part.endswith("_hand")}
+        marks = {part: match.recognition.marks[part].joints for part in self._parts if part.endswith("_hand")}
+        below = {part: [k for k in skeleton.below(*own) if k not in own] for part, own in marks.items()}
         self._fingers = {part: joints for part, joints in below.items() if joints}
         feet = tuple(f"{side}_{part}" for side in "lr" for part in ("toe", "ankle"))
         self._feet = tuple(keypoint for keypoint in feet if keypoint in match.keypoints)
@@ -201,16 +199,6 @@ def _touches(pairs: tuple[tuple[str, int], ...], near: Nearness, leg: float, fps
     places = _settled(near.places, held, SLIDES * leg, fps)
     normals = unit(_settled(near.outward, held, np.inf, fps))
     return Touches(pairs, held, near.distance, places, near.offsets, normals)
-
-
-def _below(skeleton: Skeleton, match: Match, part: str) -> list[int]:
-    """Return the joints that a keypoint's joint carries, without it."""
-    parents, own = skeleton.parents, set(match.recognition.marks[part].joints)
-    carried: set[int] = set(own)
-    for joint in range(len(parents)):
-        if int(parents[joint]) in carried:
-            carried.add(joint)
-    return sorted(carried - own)
 
 
 def _settled(places: Floats, held: Bools, slides: float, fps: float) -> Floats:

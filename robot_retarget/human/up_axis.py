@@ -93,7 +93,7 @@ def find_up_axis(recognition: Recognition, capture: Capture, metres: float, rule
     keypoints = recognition.place(positions)
     evidence = {
         "posture": rule.strong * _signed(_stance(recognition, keypoints).mean(axis=0)),
-        "steady lowest point": -rule.strong * _unsteady(positions, leg),
+        "steady lowest point": -rule.strong * _lowest(positions).std(axis=0) / leg,
         "floor at height 0": rule.floor * _floor_at_zero(positions, leg, rule),
         "free fall": rule.strong * _flights(recognition, keypoints * metres, capture.fps, rule),
         "rest pose": rule.weak
@@ -123,10 +123,6 @@ def _stance(recognition: Recognition, keypoints: Floats) -> Floats:
 def _lowest(positions: Floats) -> Floats:
     """(T, 6) lowest coordinate of the body along every signed axis."""
     return np.concatenate([positions.min(axis=1), -positions.max(axis=1)], axis=1)
-
-
-def _unsteady(positions: Floats, leg: float) -> Floats:
-    return _lowest(positions).std(axis=0) / leg
 
 
 def _floor_at_zero(positions: Floats, leg: float, rule: UpAxisRule) -> Floats:

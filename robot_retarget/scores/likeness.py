@@ -30,16 +30,12 @@ from robot_retarget.scores.pair import PARTS, Pair, best_bone_angles
 # ψ(t) = α(t) − α(0)        the heading of the hip line, unwrapped
 
 
-@dataclass(frozen=True)
-class StepThresholds:
-    """Which swings of a foot count as steps; lengths in units of the body's leg."""
-
-    lift: float = JOINTS.high
-    """A human swing counts if the ankle rises by more ..."""
-    length: float = 0.3
-    """... or comes down farther away; less is a shuffle, which a flat sole need not copy."""
-    clearance: float = 0.02
-    """A robot's sole is in the air above this height; planned swings are exact, captured ones are not."""
+LIFT = JOINTS.high
+"""A human swing counts as a step if the ankle rises by more, over the leg [-] ..."""
+LENGTH = 0.3
+"""... or comes down farther away, over the leg [-]; less is a shuffle, which a flat sole need not copy."""
+CLEARANCE = 0.02
+"""A robot's sole is in the air above this height over the leg [-]; planned swings are exact, captured ones are not."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,22 +49,10 @@ class Travel:
     steps: int
     """Steps of all feet."""
 
-    @property
-    def distance(self) -> float:
-        """The greatest distance from the first place [m]."""
-        return float(np.linalg.norm(self.path, axis=1).max())
-
-    @property
-    def turn(self) -> float:
-        """The greatest angle from the first heading [rad]."""
-        return float(np.abs(self.heading).max())
-
     def figures(self) -> dict[str, float]:
-        """The figures of reports."""
-        return {"distance_m": round(self.distance, 3), "turn_rad": round(self.turn, 3), "steps": self.steps}
-
-
-STEPS = StepThresholds()
+        """The figures of reports: the greatest distance and angle from the first place and heading, and the steps."""
+        distance, turn = np.linalg.norm(self.path, axis=1).max(), np.abs(self.heading).max()
+        return {"distance_m": round(float(distance), 3), "turn_rad": round(float(turn), 3), "steps": self.steps}
 
 
 def human_travel(human: HumanFeatures) -> Travel:
@@ -94,7 +78,7 @@ def robot_travel(x: Floats, qpos: Floats, robot: Robot, match: Match, fps: float
     if feet:
         soles = [world_points(robot, sole_corners(match.anatomy, foot), qpos)[..., 2].min(axis=1) for foot in feet]
         low = over_lowest(np.stack(soles, axis=1) / match.robot_leg, fps)
-        steps = sum(len(_inner(foot, len(qpos))) for foot in (low > STEPS.clearance).T)
+        steps = sum(len(_inner(foot, len(qpos))) for foot in (low > CLEARANCE).T)
     return _travel(x, match, steps)
 
 
@@ -104,7 +88,7 @@ def _counted(place: Floats, swinging: Bools) -> int:
     for start, stop in _inner(swinging, len(place)):
         before, after = place[start - 1], place[stop]
         lift = place[start:stop, 2].max() - max(before[2], after[2])
-        count += bool(lift > STEPS.lift or np.linalg.norm((after - before)[:2]) > STEPS.length)
+        count += bool(lift > LIFT or np.linalg.norm((after - before)[:2]) > LENGTH)
     return count
 
 

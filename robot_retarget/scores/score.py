@@ -12,12 +12,11 @@ from robot_retarget.human.features import HumanFeatures, features_of
 from robot_retarget.human.match import match, read_map
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import as_motion
-from robot_retarget.robot import Robot
+from robot_retarget.robot import Robot, recognise_with
 from robot_retarget.robot.catalog import Retargeted, on_robot
 from robot_retarget.scores import feet, physics, pose
 from robot_retarget.scores.figure import Figure, Measure, Value
-from robot_retarget.scores.pair import body_of, pair_of
-from robot_retarget.scores.pose import notes_of
+from robot_retarget.scores.pair import pair_of
 from robot_retarget.scores.subject import Subject, soles_of
 from robot_retarget.trajectory import Trajectory
 
@@ -102,7 +101,7 @@ def score(
         robot: a robot, or a name or model file that `load_robot` loads; by default the trajectory's.
         motion: the human motion that it comes from, or its file; by default that of the result. Without one, figures that
             compare with a human are None, and a note says so.
-        overrides: a map file, as `match` takes it. A line of `[robot]` may list several points, whose mean is the keypoint.
+        overrides: a map file, as `match` takes it.
 
     Raises:
         TrajectoryError: the trajectory belongs to another robot.
@@ -114,7 +113,7 @@ def score(
     human = None if motion is None else as_motion(motion, repair=False)
     subject, notes = subject_of(played, model, human, overrides)
     figures = {name: value for measure in MEASURES for name, value in measure.values(subject).items()}
-    notes = (*_other_source(played, human), *notes, *notes_of(subject))
+    notes = (*_other_source(played, human), *notes, *pose.notes_of(subject))
     return Score(figures, model.name, played.source, len(played), played.fps, notes)
 
 
@@ -134,16 +133,18 @@ def subject_of(
 ) -> tuple[Subject, tuple[str, ...]]:
     """The trajectory with the recognised keypoints and soles, and notes."""
     tables = read_map(Path(overrides)) if overrides else {}
-    notes = [f"self-penetration: {_collision_model(robot)}"]
+    model = robot.model
+    solid = int(((model.geom_contype != 0) | (model.geom_conaffinity != 0)).sum())
+    notes = [f"self-penetration: the {solid} collision geoms of {robot.path.name}"]
     try:
-        body = body_of(robot, tables.get("robot", {}))
+        anatomy = recognise_with(robot, tables.get("robot", {}))
     except MatchError:
         if motion is not None or tables:
             raise
         return Subject(trajectory, robot), (*notes, "no humanoid: figures of feet are left out")
-    pair = None if motion is None else pair_of(trajectory, robot, motion, body, tables.get("human", {}))
+    pair = None if motion is None else pair_of(trajectory, robot, motion, anatomy, tables.get("human", {}))
     around = None if motion is None else _among(trajectory, robot, motion, overrides)
-    return Subject(trajectory, robot, soles_of(robot, body.anatomy), pair, body.anatomy, around), tuple(notes)
+    return Subject(trajectory, robot, soles_of(robot, anatomy), pair, anatomy, around), tuple(notes)
 
 
 def _among(trajectory: Trajectory, robot: Robot, motion: Motion, overrides: str | Path | None) -> HumanFeatures | None:
@@ -153,9 +154,3 @@ def _among(trajectory: Trajectory, robot: Robot, motion: Motion, overrides: str 
     in_step = motion.at_source_time(trajectory.source_time, trajectory.fps)
     placed = among_placed(in_step, robot, trajectory.scene, overrides)
     return features_of(placed, match(placed, robot, overrides))
-
-
-def _collision_model(robot: Robot) -> str:
-    model = robot.model
-    solid = int(((model.geom_contype != 0) | (model.geom_conaffinity != 0)).sum())
-    return f"the {solid} collision geoms of {robot.path.name}"

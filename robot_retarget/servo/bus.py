@@ -101,9 +101,6 @@ class Bus:
         ServoError: the port is not there, is in use, or does not know the baud rate.
     """
 
-    path: str
-    baud: int
-
     def __init__(self, path: str | Path, baud: int, lockstep: bool = False) -> None:
         self.path, self.baud, self.lockstep = str(path), baud, lockstep
         self._tail, self._over = b"", True
@@ -184,17 +181,6 @@ class Bus:
                 yield identity, *found
 
     # All servos
-
-    def sync_write(self, address: int, length: int, table: bytes) -> None:
-        """Write the same registers of many servos without confirmation; `table` is id and data, id and data, …
-
-        Raises:
-            ValueError: the length of the table does not fit.
-        """
-        if len(table) % (length + 1):
-            raise ValueError(f"{len(table)} bytes are no table of ids and {length} bytes each")
-        head = protocol.word(address) + protocol.word(length)
-        self.send(protocol.frame(BROADCAST, Instruction.SYNC_WRITE, head + table))
 
     def sync_read(
         self, address: int, length: int, ids: Sequence[int], fast: bool = False, patience: float = PATIENCE

@@ -40,6 +40,10 @@ class Condition:
         """Of the joint [rad]."""
         return self.servo.radians(self.values["present_position"])
 
+    def finding(self, what: str, grave: bool = True, fix: tuple[str, int] | None = None) -> ServoFinding:
+        """Return a finding about this servo."""
+        return ServoFinding(self.servo.joint, self.servo.id, what, grave, fix)
+
 
 def check(bus: Bus, servo_map: ServoMap) -> tuple[list[Condition], list[ServoFinding]]:
     """Read every servo of a map. Returns all findings, grave ones first."""
@@ -111,8 +115,7 @@ def _ask(bus: Bus, servo: Servo) -> tuple[Condition | None, list[ServoFinding]]:
 
 def _differences(condition: Condition) -> Iterator[ServoFinding]:
     """Yield the EEPROM values that playback does not allow."""
-    servo, values = condition.servo, condition.values
-    low, high = servo.tick_range
+    values, (low, high) = condition.values, condition.servo.tick_range
     for name, wanted, grave in (
         ("operating_mode", 3, True),
         ("drive_mode", 0, True),
@@ -121,13 +124,10 @@ def _differences(condition: Condition) -> Iterator[ServoFinding]:
         ("return_delay_time", 0, False),
     ):
         if values[name] != wanted:
-            yield ServoFinding(servo.joint, servo.id, f"{name} is {values[name]}, not {wanted}", grave, (name, wanted))
-    if values["min_position_limit"] > low:
-        what = f"min_position_limit {values['min_position_limit']} cuts off its range from {low}"
-        yield ServoFinding(servo.joint, servo.id, what, False, ("min_position_limit", low))
-    if values["max_position_limit"] < high:
-        what = f"max_position_limit {values['max_position_limit']} cuts off its range to {high}"
-        yield ServoFinding(servo.joint, servo.id, what, False, ("max_position_limit", high))
+            yield condition.finding(f"{name} is {values[name]}, not {wanted}", grave, (name, wanted))
+    for name, way, end in (("min_position_limit", "from", low), ("max_position_limit", "to", high)):
+        if values[name] > end if way == "from" else values[name] < end:
+            yield condition.finding(f"{name} {values[name]} cuts off its range {way} {end}", False, (name, end))
 
 
 def _state(condition: Condition, servo_map: ServoMap) -> Iterator[ServoFinding]:
@@ -135,23 +135,15 @@ def _state(condition: Condition, servo_map: ServoMap) -> Iterator[ServoFinding]:
     servo, values, limits = condition.servo, condition.values, servo_map.limits
     bits = values["hardware_error_status"]
     if bits:
-        yield ServoFinding(
-            servo.joint, servo.id, f"hardware error: {hardware_errors(bits)}; reboot it when the cause is gone"
-        )
+        yield condition.finding(f"hardware error: {hardware_errors(bits)}; reboot it when the cause is gone")
     volts = values["present_input_voltage"] / 10
     if not limits.min_voltage <= volts <= limits.max_voltage:
-        yield ServoFinding(
-            servo.joint,
-            servo.id,
-            f"supply is {volts:.1f} V, allowed {limits.min_voltage:g} to {limits.max_voltage:g} V",
-        )
+        yield condition.finding(f"supply is {volts:.1f} V, allowed {limits.min_voltage:g} to {limits.max_voltage:g} V")
     if values["present_temperature"] >= limits.temperature:
-        yield ServoFinding(
-            servo.joint, servo.id, f"is {values['present_temperature']} °C hot, {limits.temperature:g} at most"
-        )
+        yield condition.finding(f"is {values['present_temperature']} °C hot, {limits.temperature:g} at most")
     if not servo.lower - 0.05 <= condition.angle <= servo.upper + 0.05:
         what = f"stands at {condition.angle:.2f} rad, outside {servo.lower:.2f} to {servo.upper:.2f}: turn it by hand"
-        yield ServoFinding(servo.joint, servo.id, what)
+        yield condition.finding(what)
 
 
 def hardware_errors(bits: int) -> str:

@@ -84,9 +84,6 @@ ALERTED = 0x80
 class Judge:
     """Checks the latest readings of a link."""
 
-    link: Link
-    limits: Limits
-
     def __init__(self, link: Link) -> None:
         self.link, self.limits = link, link.map.limits
         self._high_since: float | None = None
@@ -218,11 +215,6 @@ class Cycle:
     goals. The next goals are prepared, and the last tick is judged and recorded, while the answers are on the wire. If time
     is left, a tick is finished at once.
     """
-
-    link: Link
-    guard: Guard
-    judge: Judge
-    record: Record
 
     def __init__(
         self, link: Link, guard: Guard, judge: Judge, record: Record, began: float, lockstep: bool = False

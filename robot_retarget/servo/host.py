@@ -101,10 +101,30 @@ LOCK_CURRENT, LOCK_ON_FAULT = 1, 4
 
 @contextlib.contextmanager
 def real_time() -> Iterator[None]:
-    """Disable garbage collection; request precise timers, locked memory and real-time priority."""
-    _precise_timers()
-    with _uncollected(), _resident(), _preferred():
+    """Disable garbage collection; request precise timers, locked memory and real-time priority.
+
+    The default slack of timers is 50 µs; code that is read from disk again takes milliseconds.
+    """
+    unless_refused = contextlib.suppress(OSError, AttributeError)
+    collecting, before = gc.isenabled(), None
+    gc.disable()
+    with unless_refused:
+        ctypes.CDLL(None).prctl(TIMER_SLACK, 1, 0, 0, 0)
+    with unless_refused:
+        ctypes.CDLL(None).mlockall(LOCK_CURRENT | LOCK_ON_FAULT)
+    with unless_refused:
+        before = os.sched_getscheduler(0), os.sched_getparam(0)
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(PRIORITY))
+    try:
         yield
+    finally:
+        if before is not None:
+            with unless_refused:
+                os.sched_setscheduler(0, *before)
+        with unless_refused:
+            ctypes.CDLL(None).munlockall()
+        if collecting:
+            gc.enable()
 
 
 @contextlib.contextmanager
@@ -127,46 +147,3 @@ def wait_until(due: float) -> float:
     if ahead > 0:
         time.sleep(ahead)
     return time.monotonic()
-
-
-def _precise_timers() -> None:
-    """Set the timer slack of this thread to 1 ns; the default is 50 µs."""
-    with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(TIMER_SLACK, 1, 0, 0, 0)
-
-
-@contextlib.contextmanager
-def _uncollected() -> Iterator[None]:
-    collecting = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if collecting:
-            gc.enable()
-
-
-@contextlib.contextmanager
-def _resident() -> Iterator[None]:
-    """Lock touched memory: code that is read from disk again takes milliseconds."""
-    with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None).mlockall(LOCK_CURRENT | LOCK_ON_FAULT)
-    try:
-        yield
-    finally:
-        with contextlib.suppress(OSError, AttributeError):
-            ctypes.CDLL(None).munlockall()
-
-
-@contextlib.contextmanager
-def _preferred() -> Iterator[None]:
-    before = None
-    with contextlib.suppress(OSError, AttributeError):
-        before = os.sched_getscheduler(0), os.sched_getparam(0)
-        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(PRIORITY))
-    try:
-        yield
-    finally:
-        if before is not None:
-            with contextlib.suppress(OSError):
-                os.sched_setscheduler(0, *before)

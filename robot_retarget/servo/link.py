@@ -114,10 +114,6 @@ class ServoGoals(NamedTuple):
 class Link:
     """The servos of one map on a bus, as seen by the player."""
 
-    bus: Bus
-    map: ServoMap
-    scale: JointScale
-
     def __init__(
         self,
         bus: Bus,
@@ -221,7 +217,7 @@ class Link:
         """Write one value to a RAM register of all servos, without confirmation."""
         register = XM430_W350[name]
         data = register.checked(value)
-        self.bus.sync_write(register.address, register.size, b"".join(bytes((i,)) + data for i in self.ids))
+        self.bus.send(protocol.sync_write(register.address, register.size, ((i, data) for i in self.ids)))
 
     def watchdog(self, seconds: float) -> None:
         """Set the time without a message after which the servos stop [s]; 0 for never."""
@@ -246,14 +242,10 @@ class Link:
                 self.error[k] = reply.error | reply.alert << 7
                 self._missed[k] = 0
                 self._heard[k] = self._clock()
-        self._mistrust_fast(bool(self._missed.any()))
+        # A break in the chain of a fast read loses all servos behind it: two in a row are enough.
+        self._short = self._short + 1 if self._missed.any() else 0
+        self.fast &= self._short < 2
         self.present = self.scale.radians(self._rows["position"])
-
-    def _mistrust_fast(self, short: bool) -> None:
-        """Give up fast reads after two broken chains: a break loses all servos behind it."""
-        self._short = self._short + 1 if short else 0
-        if self._short >= 2:
-            self.fast = False
 
     def read_slow_registers(self, count: int = 1) -> None:
         """Read slow registers of the next `count` servos: supply and state of all servos in turn."""
@@ -262,18 +254,15 @@ class Link:
         self._turn = (self._turn + len(places)) % (2 * len(self.ids))
         if round_of_state:
             self.read_state(places)
-        else:
-            self._read_supply(places)
+            return
+        for k, data in self._slow(SUPPLY, places):
+            self.voltage[k] = int.from_bytes(data[:2], "little") / 10
+            self.temperature[k] = data[2]
 
     def read_state(self, places: Sequence[int]) -> None:
         """Read torque enable and hardware errors of the servos at `places` of the map."""
         for k, data in self._slow(STATE, places):
             self.torque[k], self.hardware[k] = bool(data[0]), data[6]
-
-    def _read_supply(self, places: Sequence[int]) -> None:
-        for k, data in self._slow(SUPPLY, places):
-            self.voltage[k] = int.from_bytes(data[:2], "little") / 10
-            self.temperature[k] = data[2]
 
     def _slow(self, registers: tuple[int, int], places: Sequence[int]) -> Iterator[tuple[int, bytes]]:
         """Place and bytes of each servo that answers."""

@@ -72,9 +72,6 @@ class TargetStream:
 class Approach:
     """Approach to a moving target: start + s(u) (target − start), s of minimum jerk."""
 
-    start: Floats
-    began: float
-
     def __init__(self, start: Floats, target: Floats, now: float, limits: Limits) -> None:
         self.start, self.began = start, now
         self.duration: float = approach_time(start, target, limits)

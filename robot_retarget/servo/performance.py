@@ -81,12 +81,6 @@ class Performance:
     guard: Guard | None = None
     cycle: Cycle | None = None
 
-    bus: Bus
-    map: ServoMap
-    options: PlaybackOptions
-    record: Record
-    say: Callable[[str], None]
-
     def __init__(
         self,
         bus: Bus,
@@ -130,7 +124,9 @@ class Performance:
                 self.link = Link(self.bus, self.map, conditions, self._now)
                 self.link.fast &= self.options.fast
                 self.say("taking hold")
-                self.cycle = self._engaged()
+                judge = Judge(self.link)
+                self.guard = take_hold(self.link, judge)
+                self.cycle = Cycle(self.link, self.guard, judge, self.record, self._began, self.options.lockstep)
                 reason = act(self.cycle)
                 if self._heat:
                     return self._leave(PlaybackEnd.FAULT, f"{self._heat}; standing")
@@ -143,11 +139,6 @@ class Performance:
                 return self._hold()
             except STOPPING as error:
                 return self._leave(PlaybackEnd.FAULT, str(error))
-
-    def _engaged(self) -> Cycle:
-        judge = Judge(self.link)
-        self.guard = take_hold(self.link, judge)
-        return Cycle(self.link, self.guard, judge, self.record, self._began, self.options.lockstep)
 
     def move_to_stop_pose(self, cycle: Cycle, watch: FallGuard | None = None) -> None:
         """Move to the map's stop pose, if it has one and the options allow it."""

@@ -125,8 +125,6 @@ def approach_time(start: Floats, end: Floats, limits: Limits) -> float:
 class Course:
     """The plan that a player follows, and the branches that lead out of it."""
 
-    plan: ServoPlan
-
     def __init__(self, plan: ServoPlan, ways: Sequence[ServoPlan] = ()) -> None:
         self.plan, self._targets = plan, list(plan.angles)
         self._ways = {parting(plan, way): way for way in ways}

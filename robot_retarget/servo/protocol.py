@@ -162,14 +162,9 @@ def sync_write(address: int, length: int, values: Iterable[tuple[int, bytes]]) -
     return frame(BROADCAST, Instruction.SYNC_WRITE, b"".join(parts))
 
 
-def fast_status(blocks: Sequence[tuple[int, int, bytes]], missing: bool = False) -> bytes:
-    """One answer of several servos, blocks of (error, id, data), each with the checksum of all that went before.
-
-    With `missing` the chain is announced longer by one block of the last one's length and breaks off after the bytes that are
-    given, as on a real bus when a servo does not take its turn.
-    """
-    sizes = [4 + len(data) for _, _, data in blocks]
-    length = 1 + sum(sizes) + (sizes[-1] if missing else 0)
+def fast_status(blocks: Sequence[tuple[int, int, bytes]]) -> bytes:
+    """One answer of several servos, blocks of (error, id, data), each with the checksum of all that went before."""
+    length = 1 + sum(4 + len(data) for _, _, data in blocks)
     whole = HEADER + bytes((BROADCAST,)) + word(length) + bytes((Instruction.STATUS,))
     for error, identity, data in blocks:
         whole += bytes((error, identity)) + data
@@ -251,7 +246,7 @@ class Parser:
             else:
                 found = DynamixelPacket(buffer[4], buffer[7], bytes(buffer[8 : end - 2]))
                 del buffer[:end]
-                if not (self.strict and unstuffed_header(found.stuffed)):
+                if not (self.strict and b"\xff\xff\xfd" in found.stuffed.replace(b"\xff\xff\xfd\xfd", b".")):
                     yield found
 
     def _align(self) -> bool:
@@ -263,8 +258,3 @@ class Parser:
             return False
         del self._buffer[:place]
         return True
-
-
-def unstuffed_header(stuffed: bytes) -> bool:
-    """Whether FF FF FD stands somewhere without the FD that belongs behind it."""
-    return b"\xff\xff\xfd" in stuffed.replace(b"\xff\xff\xfd\xfd", b".")

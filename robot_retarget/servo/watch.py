@@ -248,8 +248,6 @@ class Balancer(FallGuard):
         feedback: of the plan, in the order of its joints.
     """
 
-    law: Law
-
     def __init__(
         self,
         feedback: Feedback,

@@ -137,15 +137,14 @@ def mirroring_swaps_sides(clip: Clip) -> Iterator[str]:
 
 
 def unit_and_axis_change_nothing(clip: Clip) -> Iterator[str]:
-    for unit in (1.0, 100.0, 1 / 0.0254):
-        for axis in ("+y", "+z", "-y"):
-            undo = np.linalg.inv(turn_to_z(axis))
-            x = clip.motion.positions @ undo.T * unit
-            skeleton = replace(clip.capture.skeleton, offsets=clip.motion.skeleton.offsets @ undo.T * unit)
-            changed = replace(
-                clip.capture, skeleton=skeleton, positions=x, rotations=_some_turns(clip), contacts=None, up=None
-            )
-            yield same_height(replace(clip, capture=changed), changed, 0, len(x))
+    for unit, axis in ((1.0, "+y"), (100.0, "+z"), (1 / 0.0254, "-y")):
+        undo = np.linalg.inv(turn_to_z(axis))
+        x = clip.motion.positions @ undo.T * unit
+        skeleton = replace(clip.capture.skeleton, offsets=clip.motion.skeleton.offsets @ undo.T * unit)
+        changed = replace(
+            clip.capture, skeleton=skeleton, positions=x, rotations=_some_turns(clip), contacts=None, up=None
+        )
+        yield same_height(replace(clip, capture=changed), changed, 0, len(x))
 
 
 def same_map(clip: Clip, changed: Capture, wanted: Recognition) -> str:

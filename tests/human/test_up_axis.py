@@ -32,7 +32,7 @@ def whole_clip(clip: str) -> tuple[Capture, np.ndarray]:
 
 @needs_shared
 @pytest.mark.parametrize("clip", CLIPS)
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=3, deadline=None)
 @given(share=st.floats(0, 1), seconds=st.floats(0.1, 2))
 def test_a_window_on_the_floor_has_the_up_axis_of_the_whole_or_says_its_doubt(clip, share, seconds):
     """A body that tumbles in the air through the whole window shows neither a floor nor a posture: it may be taken wrong."""

@@ -12,6 +12,7 @@ from emulated import ARM, Emulated, emulated
 from robot_retarget.actuators.control_tables import XM430_W350
 from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.bus import PATIENCE, Bus, NoAnswerError, PortLostError, StatusError
+from robot_retarget.servo.protocol import sync_write
 
 POSITION = XM430_W350["present_position"]
 assert port_handler.LATENCY_TIMER == 16
@@ -56,14 +57,14 @@ def test_writes_are_stuffed(tmp_path: Path) -> None:
         assert bytes(packets.readTxRx(port, 1, 224, 6)[0]) != value
         port.closePort()
         with Bus(emulator.port, ARM.baud, lockstep=True) as bus:
-            bus.sync_write(224, 6, b"\x01" + value)
+            bus.send(sync_write(224, 6, [(1, value)]))
             assert bus.read(1, 224, 6).data == value
 
 
 def test_unstuffing_loses_nothing(emulator: Emulated) -> None:
     value = bytes.fromhex("FFFFFDFFFDFD")
     with Bus(emulator.port, ARM.baud, lockstep=True) as bus:
-        bus.sync_write(224, 6, b"\x01" + value)
+        bus.send(sync_write(224, 6, [(1, value)]))
         assert bus.read(1, 224, 6).data == value
     port, packets = plain(emulator)
     data, result, _ = packets.readTxRx(port, 1, 224, 6)

@@ -92,7 +92,7 @@ def test_an_emulator_says_ready_first_and_leaves_nothing_behind(tmp_path: Path) 
     with emulated(tmp_path) as emulator:
         assert Path(emulator.port).is_symlink()
         process = emulator.process
-    assert process.returncode == 0
+    assert process.exitcode == 0
     assert not Path(emulator.port).is_symlink()
 
 
@@ -104,7 +104,7 @@ def test_the_twin_in_a_window_stays_on_the_bus(tmp_path: Path, monkeypatch: pyte
             until(lambda: emulator.do("state")["time"] > 0.3, seconds=10)
             with Bus(emulator.port, 2_000_000) as bus:
                 assert bus.ping(1) == (1020, 48)
-        assert emulator.process.returncode == 0
+        assert emulator.process.exitcode == 0
 
 
 @contextmanager

@@ -12,6 +12,7 @@ from robot_retarget.actuators.inertial import Reading, rest_faults
 from robot_retarget.actuators.map import load_map
 from robot_retarget.robot import load_robot
 from robot_retarget.servo.bus import Bus
+from robot_retarget.servo.protocol import sync_write
 from robot_retarget.servo.twin import Twin
 
 BARE = ROOT / "models" / "op3" / "op3.xml"
@@ -25,10 +26,10 @@ def test_a_model_without_a_floor_is_set_down_on_the_floor_of_its_simulation(tmp_
         emulated(tmp_path, "op3", "--physics", "--model", str(BARE), "--lockstep", "125") as twin,
         Bus(twin.port, OP3.baud, lockstep=True) as bus,
     ):
-        bus.sync_write(64, 1, b"".join(bytes((i, 1)) for i in OP3.ids))
-        goals = b"".join(bytes((s.id,)) + s.zero.to_bytes(4, "little") for s in OP3.servos)
+        bus.send(sync_write(64, 1, [(i, b"\1") for i in OP3.ids]))
+        goals = sync_write(116, 4, [(s.id, s.zero.to_bytes(4, "little")) for s in OP3.servos])
         for _ in range(250):
-            bus.sync_write(116, 4, goals)
+            bus.send(goals)
         body = twin.do("state")["body"]
     assert not body["held"]
     assert body["upright"] > 0.99 and body["height"] == pytest.approx(0.279, abs=0.01)
@@ -67,6 +68,6 @@ def test_the_link_of_a_living_emulator_is_not_taken_over(tmp_path: Path) -> None
 def test_the_link_of_a_killed_emulator_is_taken_over(tmp_path: Path) -> None:
     with emulated(tmp_path, ARM, *STEPS) as first:
         first.process.kill()
-        first.process.wait()
+        first.process.join()
         with emulated(tmp_path, ARM, *STEPS) as second, Bus(second.port, ARM.baud, lockstep=True) as bus:
             assert bus.ping(1) is not None

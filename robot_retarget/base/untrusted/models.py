@@ -20,7 +20,7 @@ MEMORY = 1 << 30
 BYTES = 64 << 20
 """Largest model file without its meshes [bytes]."""
 COUNTED = ("replicate", "composite", "flexcomp")
-"""Elements whose `count` multiplies what they hold."""
+"""Elements whose `count` multiplies their content."""
 TAG = re.compile(
     r"""<!--(?:.*?-->|.*)|<!\[CDATA\[(?:.*?\]\]>|.*)|<(/?)([\w:.-]+)((?:[^<>"'/]|"[^"]*"|'[^']*'|/(?!>))*)(/?)>?""",
     re.DOTALL,
@@ -53,7 +53,7 @@ def require_bounded_model(path: Path) -> None:
 
 
 class _Total:
-    """What the files of a model ask for, added up."""
+    """Sums over the files of a model: bodies and elements."""
 
     def __init__(self) -> None:
         self.elements, self.bodies = 0.0, 0.0
@@ -103,7 +103,7 @@ def _bytes(memory: str) -> float:
 
 
 def _number(word: str) -> float:
-    """Return a number; 0 for a word that is none, which MuJoCo refuses."""
+    """Return a number; 0 for any other word, which MuJoCo refuses."""
     try:
         return float(word)
     except ValueError:

@@ -27,11 +27,6 @@ def matches_format(header: FileHeader) -> bool:
     return _HIERARCHY.search(header.text) is not None
 
 
-def read(path: Path, request: Request) -> Capture:
-    """`read_bvh` for the table of formats."""
-    return read_bvh(path, request)
-
-
 def read_bvh(path: str | Path, request: Request | None = None) -> Capture:
     """Read a BVH file: every joint's position and rotation at every frame, in the file's unit and axes.
 

@@ -14,7 +14,7 @@ from robot_retarget.base.errors import MotionError, install_line
 from robot_retarget.base.untrusted.arrays import load_npz
 from robot_retarget.human.capture import Capture, FileHeader, Request
 from robot_retarget.human.readers import c3d_child
-from robot_retarget.human.readers.points import UNITS, LabelledPoints, labelled_capture, title_of
+from robot_retarget.human.readers.points import LabelledPoints, labelled_capture, metres_in, title_of
 
 _BIG_ENDIAN = 86
 """The kind of processor whose numbers begin with their highest byte."""
@@ -49,7 +49,9 @@ def _points(path: Path) -> tuple[list[tuple[str, str]], Any, float | None]:
     titles = [title_of(label) for label in stated["labels"].tolist()]
     titles = [*titles, *[("", "")] * points.shape[1]][: points.shape[1]]
     rate = stated["rate"][stated["rate"] > 0]
-    return titles, points * _unit(stated["units"].tolist(), path), float(rate[0]) if rate.size else None
+    units = {unit.strip().lower() for unit in stated["units"].tolist()} - {""} or {"mm"}
+    metres = metres_in(", ".join(sorted(units)), "POINT:UNITS", path)
+    return titles, points * metres, float(rate[0]) if rate.size else None
 
 
 def _decoded(path: Path) -> dict[str, np.ndarray]:
@@ -77,10 +79,3 @@ def _announced(path: Path) -> int:
     kind = data[512 * (data[0] - 1) + 3]
     first, last = struct.unpack_from(">HH" if kind == _BIG_ENDIAN else "<HH", data, 6)
     return last - first + 1
-
-
-def _unit(stated: list[str], path: Path) -> float:
-    units = {unit.strip().lower() for unit in stated} - {""} or {"mm"}
-    if len(units) > 1 or not units <= UNITS.keys():
-        raise MotionError(f"POINT:UNITS: expected one of {', '.join(UNITS)}, found {', '.join(sorted(units))}", path)
-    return UNITS[units.pop()]

@@ -52,8 +52,6 @@ SKELETON = Skeleton(
 )
 DEEPMIMIC_WIDTH = 4 + sum(numbers for *_, numbers in _JOINTS)
 """Numbers of a frame: its duration [s], the root's place [m], then the turns."""
-_SHORTEST = 0.5
-"""Least length of a quaternion: those of motions that were resampled are up to a fifth short of 1."""
 
 
 def is_deepmimic(header: FileHeader) -> bool:
@@ -75,7 +73,7 @@ def read_deepmimic(path: Path, request: Request) -> Capture:
         values = rows[:, column : column + numbers]
         column += numbers
         if numbers == 4:
-            turns[:, joint] = _unit(values, name, path)
+            turns[:, joint] = checked_quaternions(values, f"Frames, {name}")
         elif numbers == 1:
             turns[:, joint] = Rotation.from_euler("z", values).as_quat(scalar_first=True)
     translations = np.tile(SKELETON.offsets, (len(rows), 1, 1))
@@ -104,15 +102,6 @@ def _rows(path: Path) -> Floats:
     if not np.isfinite(rows).all():
         raise MotionError(f"Frames[{int(np.argwhere(~np.isfinite(rows))[0, 0])}]: a number is not finite", path)
     return rows
-
-
-def _unit(values: Floats, name: str, path: Path) -> Floats:
-    size = np.linalg.norm(values, axis=1)
-    wrong = np.flatnonzero((size < _SHORTEST) | (size > 1 / _SHORTEST))
-    if wrong.size:
-        frame = int(wrong[0])
-        raise MotionError(f"Frames[{frame}], {name}: expected a unit quaternion w x y z, found {values[frame]}", path)
-    return values / size[:, None]
 
 
 def _rate(durations: Floats, path: Path) -> float:

@@ -13,7 +13,7 @@ from robot_retarget.base.untrusted import documents
 from robot_retarget.base.untrusted.arrays import load_arrays
 from robot_retarget.base.untrusted.limits import LIMITS
 from robot_retarget.human.capture import Capture, FileHeader, Request
-from robot_retarget.human.readers.points import bridged, of_points
+from robot_retarget.human.readers.points import bridged, numbers, of_points
 
 # Landmarks as text: FreeMoCap's tables, wide and long, and MediaPipe's results as JSON.
 
@@ -27,7 +27,7 @@ _BODY = ("body_", "mediapipe_body_", "pose_")
 _WORLD = ("worldLandmarks", "poseWorldLandmarks", "pose_world_landmarks", "world_landmarks", "landmarks", "keypoints")
 
 
-def read_csv(path: Path, names: Sequence[str]) -> tuple[Table, float | None]:
+def read_csv(path: Path, names: Sequence[str]) -> Table:
     """A table with columns `nose_x, nose_y, nose_z, …` (or `body_nose_x`), or a row a landmark with `keypoint, x, y, z`.
 
     Raises:
@@ -43,7 +43,7 @@ def read_csv(path: Path, names: Sequence[str]) -> tuple[Table, float | None]:
             raise MotionError(f"not a table: {error}", path, rows.line_num) from error
 
 
-def _wide(header: list[str], rows: Iterable[list[str]], path: Path, names: Sequence[str]) -> tuple[Table, float | None]:
+def _wide(header: list[str], rows: Iterable[list[str]], path: Path, names: Sequence[str]) -> Table:
     columns: dict[str, list[int]] = {}
     for name in names:
         for prefix in ("", *_BODY):
@@ -53,14 +53,14 @@ def _wide(header: list[str], rows: Iterable[list[str]], path: Path, names: Seque
     if not columns:
         raise MotionError("expected columns such as left_hip_x, left_hip_y, left_hip_z", path, 1)
     places = [column for three in columns.values() for column in three]
-    values = [[_number(row, at, path, line) for at in places] for line, row in _lines(rows, header, path)]
+    values = [numbers([row[at] for at in places], len(places), path, line) for line, row in _lines(rows, header, path)]
     if not values:
         raise MotionError("no frames after the header", path, 2)
     table = np.array(values).reshape(len(values), len(columns), 3)
-    return {name: table[:, k] for k, name in enumerate(columns)}, None
+    return {name: table[:, k] for k, name in enumerate(columns)}
 
 
-def _long(header: list[str], rows: Iterable[list[str]], path: Path, names: Sequence[str]) -> tuple[Table, float | None]:
+def _long(header: list[str], rows: Iterable[list[str]], path: Path, names: Sequence[str]) -> Table:
     at = {word: header.index(word) for word in ("frame", "keypoint", "x", "y", "z")}
     places: dict[str, dict[int, list[float]]] = {}
     last = -1
@@ -70,13 +70,13 @@ def _long(header: list[str], rows: Iterable[list[str]], path: Path, names: Seque
         frame = _frame_number(row[at["frame"]], path, line)
         last = max(last, frame)
         if name in names:
-            places.setdefault(name, {})[frame] = [_number(row, at[axis], path, line) for axis in "xyz"]
+            places.setdefault(name, {})[frame] = numbers([row[at[axis]] for axis in "xyz"], 3, path, line)
     if (last + 1) * len(places) * PLACE > LIMITS.unpacked(path):
         raise MotionError(f"frame {last} is more than a file of its size may have", path)
     table = {name: np.full((last + 1, 3), np.nan) for name in places}
     for name, path_of in places.items():
         table[name][list(path_of)] = list(path_of.values())
-    return table, None
+    return table
 
 
 def _frame_number(word: str, path: Path, line: int) -> int:
@@ -93,15 +93,6 @@ def _lines(rows: Iterable[list[str]], header: list[str], path: Path) -> Iterator
         if len(row) != len(header):
             raise MotionError(f"expected {len(header)} columns as in the header, found {len(row)}", path, line)
         yield line, row
-
-
-def _number(row: Sequence[str], column: int, path: Path, line: int) -> float:
-    """A number, NaN where the cell is empty."""
-    word = row[column].strip()
-    try:
-        return float(word) if word else np.nan
-    except ValueError:
-        raise MotionError(f"column {column + 1}: expected a number, found {word[:40]!r}", path, line) from None
 
 
 def read_json(path: Path, names: Sequence[str]) -> tuple[Table, float | None]:
@@ -208,7 +199,7 @@ def _points(path: Path) -> tuple[Floats, float | None]:
     """The landmarks in use (T, U, 3), NaN where lost, and frames per second where the file says them."""
     suffix = path.suffix.lower()
     if suffix == ".csv":
-        table, fps = read_csv(path, LANDMARKS)
+        table, fps = read_csv(path, LANDMARKS), None
     elif suffix == ".json":
         table, fps = read_json(path, LANDMARKS)
     else:

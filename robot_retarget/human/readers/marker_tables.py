@@ -10,11 +10,11 @@ from robot_retarget.base.errors import MotionError, known
 from robot_retarget.base.untrusted.rotations import checked_quaternions
 from robot_retarget.human.capture import Capture, FileHeader, Request
 from robot_retarget.human.readers.points import (
-    UNITS,
     LabelledPoints,
     bridged,
     bridged_turns,
     labelled_capture,
+    metres_in,
     numbers,
     title_of,
 )
@@ -43,16 +43,14 @@ def read_trc(path: Path, request: Request) -> Capture:
         raise MotionError(f"expected five lines of header and a row a frame, found {len(lines)} lines", path)
     keys, values, labels = lines[1].split(), lines[2].split(), lines[3].split("\t")
     header = {key.strip().lower(): value.strip() for key, value in zip(keys, values, strict=False)}
-    unit = header.get("units", "mm").lower()
-    if unit not in UNITS:
-        raise MotionError(f"Units: expected one of {', '.join(UNITS)}, found {unit!r}", path, 3)
+    metres = metres_in(header.get("units", "mm"), "Units", path, 3)
     titles = [title_of(label) for label in labels[2:] if label.strip()]
     rows = [(k, line) for k, line in enumerate(lines[5:], 6) if line.strip()]
     count = 3 * len(titles)
     points = np.array([numbers(_cells(line, 2 + count)[2:], count, path, k) for k, line in rows])
     points = points.reshape(len(rows), -1, 3)
     rate = header.get("datarate") or header.get("camerarate")
-    return labelled_capture(LabelledPoints(titles, points * UNITS[unit], float(rate) if rate else None), path, request)
+    return labelled_capture(LabelledPoints(titles, points * metres, float(rate) if rate else None), path, request)
 
 
 # CSV of Vicon Nexus: the block `Trajectories` with the places of markers, or of joint centres.
@@ -89,15 +87,13 @@ def read_vicon(path: Path, request: Request) -> Capture:
         raise MotionError("no block of Trajectories with a row a frame: export trajectories, not only devices", path)
     rate, labels, units = rows[first + 1][0], rows[first + 2][2:], rows[first + 4][2:]
     titles = [title_of(label) for label in labels[::3] if label.strip()]
-    unit = next((word.strip().lower() for word in units if word.strip()), "mm")
-    if unit not in UNITS:
-        raise MotionError(f"units: expected one of {', '.join(UNITS)}, found {unit!r}", path, first + 5)
+    metres = metres_in(next((word.strip() for word in units if word.strip()), "mm"), "units", path, first + 5)
     places = []
     for line, row in enumerate(rows[first + 5 :], first + 6):
         if not any(cell.strip() for cell in row):
             break
         places.append(numbers(row[2:], 3 * len(titles), path, line))
-    points = np.array(places).reshape(len(places), len(titles), 3) * UNITS[unit]
+    points = np.array(places).reshape(len(places), len(titles), 3) * metres
     return labelled_capture(LabelledPoints(titles, points, float(rate)), path, request)
 
 

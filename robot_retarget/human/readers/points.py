@@ -100,6 +100,19 @@ def of_points(
 # A capture of labelled points: joint centres by published regressions from markers, or joint centres that are named.
 
 UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "in": 0.0254}
+
+
+def metres_in(unit: str, what: str, path: Path, line: int | None = None) -> float:
+    """Return the metres of a unit that a file states.
+
+    Raises:
+        MotionError: the unit is not known.
+    """
+    if unit.lower() not in UNITS:
+        raise MotionError(f"{what}: expected one of {', '.join(UNITS)}, found {unit.lower()!r}", path, line)
+    return UNITS[unit.lower()]
+
+
 # Joint centres of trackers without markers (Pose2Sim, OpenCap, Theia): joint, parent, and the labels it may have.
 _SIDED = {
     "hip": ("pelvis", ("{}HIP", "{}HJC")),

@@ -47,16 +47,6 @@ HUMANML3D: dict[str, str | None] = {
     "left_wrist": "left_elbow", "right_wrist": "right_elbow",
 }  # fmt: skip
 SMPL = {**HUMANML3D, "left_hand": "left_wrist", "right_hand": "right_wrist"}
-_SOMA: dict[str, str | None] = {
-    "Hips": None, "Spine1": "Hips", "Spine2": "Spine1", "Chest": "Spine2", "Neck1": "Chest", "Neck2": "Neck1",
-    "Head": "Neck2", "Jaw": "Head", "LeftEye": "Head", "RightEye": "Head",
-    "LeftShoulder": "Chest", "LeftArm": "LeftShoulder", "LeftForeArm": "LeftArm", "LeftHand": "LeftForeArm",
-    "LeftHandThumbEnd": "LeftHand", "LeftHandMiddleEnd": "LeftHand",
-    "RightShoulder": "Chest", "RightArm": "RightShoulder", "RightForeArm": "RightArm", "RightHand": "RightForeArm",
-    "RightHandThumbEnd": "RightHand", "RightHandMiddleEnd": "RightHand",
-    "LeftLeg": "Hips", "LeftShin": "LeftLeg", "LeftFoot": "LeftShin", "LeftToeBase": "LeftFoot",
-    "RightLeg": "Hips", "RightShin": "RightLeg", "RightFoot": "RightShin", "RightToeBase": "RightFoot",
-}  # fmt: skip
 
 
 def _soma_hand(side: str) -> dict[str, str | None]:
@@ -83,6 +73,16 @@ _SOMA_FULL: dict[str, str | None] = {
     "RightLeg": "Hips", "RightShin": "RightLeg", "RightFoot": "RightShin", "RightToeBase": "RightFoot",
     "RightToeEnd": "RightToeBase",
 }  # fmt: skip
+
+
+_SOMA = {
+    name: f"{name[: name.index('Hand')]}Hand"
+    if name.endswith("HandThumbEnd") or name.endswith("HandMiddleEnd")
+    else parent
+    for name, parent in _SOMA_FULL.items()
+    if name.endswith(("HandThumbEnd", "HandMiddleEnd", "Hand")) or not ("Hand" in name or name.endswith("End"))
+}
+"""Of each hand the ends of two fingers; no ends of head and toes."""
 
 
 def _fingers(hand: str, stem: str, fingers: tuple[str, ...]) -> dict[str, str | None]:

@@ -69,7 +69,7 @@ def _is_bvh(name: str) -> bool:
 
 
 FORMATS = (
-    MotionFormat("BVH", (".bvh",), bvh.matches_format, bvh.read),
+    MotionFormat("BVH", (".bvh",), bvh.matches_format, bvh.read_bvh),
     MotionFormat("ASF/AMC", (".amc",), amc.matches_format, amc.read, beside=amc.beside),
     MotionFormat("C3D", (".c3d",), c3d.matches_format, c3d.read, frozenset({"clip"})),
     MotionFormat("glTF, GLB, VRMA", (".glb", ".gltf", ".vrma"), gltf.matches_format, gltf.read, frozenset({"clip"})),

@@ -1,6 +1,6 @@
 """One servo: the meaning of its registers. The bus reads and writes them; the world sets the time."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from robot_retarget.actuators.control_tables import (
     CENTRE,
@@ -62,25 +62,16 @@ PRESENT = range(120, 148)
 """Addresses that are worked out when somebody looks."""
 
 
-@dataclass
 class Device:
     """A servo with its motor. The position of the motor is that of its encoder; hosts see it folded and offset."""
 
-    model: Model
-    motor: EmulatedMotor = field(init=False)
-    registers: Registers = field(init=False)
-    shaft: Shaft = field(init=False)
-    writes: WriteLog = field(default_factory=WriteLog)
-    now: float = 0.0
-    """Time of the world [s]."""
-
-    voltage: float = field(init=False)
-    expired: bool = field(init=False, default=False)
-
-    def __post_init__(self) -> None:
-        self.motor, self.registers = EmulatedMotor(self.model), Registers(self.model)
+    def __init__(self, model: Model) -> None:
+        self.model, self.writes = model, WriteLog()
+        self.motor, self.registers = EmulatedMotor(model), Registers(model)
         self.shaft = Shaft(self.registers, self.motor)
-        self.voltage = self.model.motor.voltage
+        self.voltage = model.motor.voltage
+        self.now = 0.0
+        """Time of the world [s]."""
         self.powered = True
         self.expired = False
         """The bus watchdog has stopped it."""
@@ -103,11 +94,6 @@ class Device:
     def alert(self) -> int:
         """The alert bit, when a hardware error is pending."""
         return ALERT if self.registers["hardware_error_status"] else 0
-
-    @property
-    def shut_down(self) -> bool:
-        """A hardware error that `shutdown` names is pending: no torque before a reboot."""
-        return shut_down(self.registers)
 
     # What happens to it
 
@@ -236,7 +222,7 @@ class Device:
             self._rebase()
         elif name == "bus_watchdog" and value == 0:
             self.expired = False
-        if name == GOALS.get(self.mode) and r["drive_mode"] & TORQUE_BY_GOAL and not self.shut_down:
+        if name == GOALS.get(self.mode) and r["drive_mode"] & TORQUE_BY_GOAL and not shut_down(r):
             self._torque(1)
 
     def _torque(self, value: int) -> None:

@@ -199,9 +199,6 @@ FOLLOWING_ERROR = 100
 class Shaft:
     """The motor's encoder as the registers show it, and the profile from the last goal."""
 
-    registers: Registers
-    motor: EmulatedMotor
-
     def __init__(self, registers: Registers, motor: EmulatedMotor) -> None:
         self.registers, self.motor = registers, motor
         self.path: Profile = velocity_based(0.0, 0.0, 0, 0)

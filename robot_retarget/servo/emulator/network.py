@@ -28,8 +28,6 @@ class Board:
         reading: the present one, in the root body's axes.
     """
 
-    id: int
-
     def __init__(self, imu: Imu, reading: Callable[[], Reading]) -> None:
         self.id, self._mounting, self._reading = imu.id, imu.mounting, reading
         self.signs: Floats = np.ones(3)
@@ -73,9 +71,6 @@ class Answer:
 
 class Network:
     """Devices that share a bus. `answer` is all a host ever sees of them."""
-
-    devices: list[Device]
-    boards: list[Board]
 
     def __init__(self, devices: Sequence[Device], boards: Sequence[Board] = ()) -> None:
         self.devices, self.boards = list(devices), list(boards)
@@ -183,21 +178,15 @@ def _perform(device: Device, frame: DynamixelPacket) -> tuple[int, bytes]:
         if len(params) < 3:
             return Error.DATA_LENGTH, b""
         return device.write(int.from_bytes(params[:2], "little"), params[2:]), b""
-    return _manage(device, frame, params), b""
-
-
-def _manage(device: Device, frame: DynamixelPacket, params: bytes) -> int:
-    """Instructions that are neither ping nor read nor write."""
-    kind = frame.instruction
     if kind == Instruction.REBOOT:
         device.boot()
-        return Error.NONE
+        return Error.NONE, b""
     if kind == Instruction.CLEAR:
-        return device.clear(params)
+        return device.clear(params), b""
     if kind == Instruction.FACTORY_RESET:
         everything = params[:1] == b"\xff" and frame.id == BROADCAST
-        return Error.NONE if everything else device.factory_reset(params[0] if params else 0)
-    return Error.INSTRUCTION
+        return Error.NONE if everything else device.factory_reset(params[0] if params else 0), b""
+    return Error.INSTRUCTION, b""
 
 
 def _fast(device: Device) -> bool:

@@ -1,7 +1,5 @@
 """The memory of one servo: bytes by address, names on top, indirect addresses and EEPROM defaults."""
 
-from collections.abc import Container
-
 from robot_retarget.actuators.control_tables import EEPROM_END, INDIRECT, TABLE_END, Model, Register
 from robot_retarget.servo.protocol import Error
 
@@ -86,10 +84,6 @@ class Registers(dict[str, int]):
                 return self.target(first, data, address)
         return None
 
-    def covering(self, address: int) -> tuple[str, Register] | None:
-        """The register that starts at an address."""
-        return self.at.get(address)
-
 
 # Operating modes and drive modes: their numbers, and which goal, gains and limits belong to them.
 
@@ -109,11 +103,6 @@ GOALS = {
 POSITIONS = (POSITION, EXTENDED, CURRENT_POSITION)
 """Modes that control the position; a change to one of them brings back the factory's gains."""
 LIMITED = {"goal_pwm": "pwm_limit", "goal_current": "current_limit", "goal_velocity": "velocity_limit"}
-
-
-def allowed_modes(registers: Container[str]) -> tuple[int, ...]:
-    """The modes of a servo with these registers: without a goal current none of those that control it."""
-    return tuple(GOALS) if "goal_current" in registers else (VELOCITY, POSITION, EXTENDED, PWM)
 
 
 # Resolve a write: byte ranges become registers and values, or an error code.
@@ -143,7 +132,7 @@ def collect(registers: Registers, start: int, run: bytes) -> tuple[int, list[tup
     changes: list[tuple[str, int]] = []
     place, end = start, start + len(run)
     while place < end:
-        found = registers.covering(place)
+        found = registers.at.get(place)
         if found is None:
             error = _plain(registers, place, run[place - start :])
             if error:
@@ -166,7 +155,9 @@ def refusal(r: Registers, name: str, value: int, expired: bool) -> int:
     # An expired watchdog reads −1; hosts may not write that.
     if not (0 if name == "bus_watchdog" else register.low) <= value <= register.high:
         return Error.DATA_RANGE
-    if (name == "operating_mode" and value not in allowed_modes(r)) or (name in GOALS.values() and expired):
+    # Without a goal current no mode controls it.
+    modes = GOALS if "goal_current" in r else (VELOCITY, POSITION, EXTENDED, PWM)
+    if (name == "operating_mode" and value not in modes) or (name in GOALS.values() and expired):
         return Error.DATA_RANGE
     if name in LIMITED and abs(value) > r[LIMITED[name]]:
         return Error.DATA_LIMIT

@@ -69,8 +69,6 @@ BAUD_CODES = {getattr(termios, f"B{baud}"): baud for baud in BAUDS if hasattr(te
 class Terminal:
     """A raw pseudo terminal under a stable name."""
 
-    master: int
-
     def __init__(self, link: Path | None) -> None:
         self.link = link
         self.master, self._slave = os.openpty()
@@ -144,11 +142,6 @@ def _taken(link: Path) -> bool:
 
 class Server:
     """Runs a network and its world behind a pseudo terminal until it is stopped."""
-
-    network: Network
-    world: World
-    timing: WireTiming
-    strict: bool
 
     def __init__(
         self,

@@ -4,12 +4,15 @@ import copy
 import random
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import TYPE_CHECKING
 
 from robot_retarget.actuators.control_tables import ENCODER, OVERLOAD, SHOCK
 from robot_retarget.base.errors import ServoError, known
 from robot_retarget.servo.emulator.device import Device
 from robot_retarget.servo.emulator.network import Network
+
+if TYPE_CHECKING:
+    from robot_retarget.servo.twin import Twin
 
 STEP = 0.002
 """Of the built-in motors [s]."""
@@ -19,35 +22,10 @@ SUPPLY_RESISTANCE = 0.05
 """Of battery and cables [Ω]."""
 
 
-class EmulatedPlant(Protocol):
-    """A body moved by the motors, in their order: encoder ticks of each, torque at its output."""
-
-    step: float
-    """[s]."""
-
-    def advance(self, torques: Sequence[float], holding: Sequence[bool]) -> None:
-        """Step under torques [N m]; `holding` marks servos with torque on."""
-        ...
-
-    def shafts(self) -> tuple[Sequence[float], Sequence[float]]:
-        """Positions [ticks] and velocities [ticks/s] of the encoders."""
-        ...
-
-    def state(self) -> dict[str, Any]:
-        """Return the state for tests."""
-        ...
-
-    def close(self) -> None:
-        """No more steps are coming."""
-        ...
-
-
 class World:
     """Steps all devices along the clock."""
 
-    def __init__(
-        self, devices: Sequence[Device], plant: EmulatedPlant | None = None, supply: float | None = None
-    ) -> None:
+    def __init__(self, devices: Sequence[Device], plant: "Twin | None" = None, supply: float | None = None) -> None:
         self.devices: list[Device] = list(devices)
         self.plant = plant
         self.supply = supply
@@ -148,10 +126,6 @@ class Wire:
 class FaultInjector:
     """Carries out fault sentences on a network, a world and a wire."""
 
-    network: Network
-    world: World
-    wire: Wire
-
     def __init__(self, network: Network, world: World, wire: Wire) -> None:
         self.network, self.world, self.wire = network, world, wire
         self.struck: float = 0.0
@@ -194,7 +168,10 @@ class FaultInjector:
         """
         words = sentence.split()
         if words[:1] == ["after"] and len(words) > 2:
-            self._later.append((_number(words[1], sentence), " ".join(words[2:])))
+            try:
+                self._later.append((float(words[1]), " ".join(words[2:])))
+            except ValueError:
+                raise ServoError(f"fault {sentence!r}: {words[1]!r} is no time") from None
             return
         action = self._actions.get(words[0] if words else "")
         if action is None:
@@ -240,10 +217,3 @@ class FaultInjector:
     def _set(self, who: str, register: str, value: int) -> None:
         for device in self._devices(who):
             device.registers[register] = value
-
-
-def _number(text: str, sentence: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise ServoError(f"fault {sentence!r}: {text!r} is no time") from None

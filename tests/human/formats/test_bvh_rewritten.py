@@ -54,9 +54,21 @@ def again(clip: str, folder: Path, order: str, unit: str, up: str) -> Motion:
     return read_motion(path, repair=False)
 
 
-@pytest.mark.parametrize(("order", "unit"), list(zip(ORDERS, itertools.cycle(UNITS))))
-@pytest.mark.parametrize("clip", CLIPS)
-@pytest.mark.parametrize("up", ["+y", "+z"])
+PAIRWISE = [
+    (clip, order, list(UNITS)[(c + k) % 3], "+y" if (c + k // 3) % 2 else "+z")
+    for c, clip in enumerate(CLIPS)
+    for k, order in enumerate(ORDERS)
+]
+"""Every two values of clip, order, unit and up axis meet in one of these."""
+
+
+def test_every_two_values_meet() -> None:
+    for one, other in itertools.combinations(range(4), 2):
+        values = [{row[place] for row in PAIRWISE} for place in (one, other)]
+        assert {(row[one], row[other]) for row in PAIRWISE} == set(itertools.product(*values))
+
+
+@pytest.mark.parametrize(("clip", "order", "unit", "up"), PAIRWISE)
 def test_order_unit_and_up_axis_change_nothing(clip: str, order: str, unit: str, up: str, tmp_path: Path) -> None:
     plain, other = as_it_is(clip)[0], again(clip, tmp_path, order, unit, up)
     assert other.skeleton.names == plain.skeleton.names

@@ -166,7 +166,7 @@ def test_a_missing_marker_a_strange_unit_and_a_cut_file_are_named(tmp_path):
         match=r"Missing: right outer elbow \(RELB or R_HLE or RELBOWOUT or RLEL or RELBOW\)\. Its labels: LASI",
     ):
         read_motion(written(tmp_path / "a.c3d", markers))
-    with pytest.raises(MotionError, match=r"POINT:UNITS: expected one of mm, cm, m, in, found furlong"):
+    with pytest.raises(MotionError, match=r"POINT:UNITS: expected one of mm, cm, m, in, found .furlong."):
         read_motion(written(tmp_path / "a.c3d", adult(), unit="furlong"))
     whole = written(
         tmp_path / "a.c3d", {name: np.tile(place, (300, 1)) for name, place in adult().items()}

@@ -117,7 +117,7 @@ def test_broken_tables_name_their_line(tmp_path):
     lines = path.read_text().splitlines()
     for line, change, message in (
         (4, "1,2", r"a\.csv:4: expected 99 columns as in the header, found 2"),
-        (3, lines[2].replace("1.6", "head", 1), r"a\.csv:3: column \d+: expected a number"),
+        (3, lines[2].replace("1.6", "head", 1), r"a\.csv:3: not a number: .*head"),
     ):
         path.write_text("\n".join([*lines[: line - 1], change, *lines[line:]]))
         with pytest.raises(MotionError, match=message):
