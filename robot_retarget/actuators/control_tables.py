@@ -14,12 +14,15 @@ from robot_retarget.actuators.motors import MOTORS, MotorModel, motor_named
 from robot_retarget.base.errors import ServoError
 
 CENTRE = 2048
+"""Present position in the middle of a turn [ticks]."""
 LAST_POSITION = 4095
 """Of one turn, as position mode has it."""
 VELOCITY_UNIT = 0.0239808
 """[rad/s]: 0.229 revolutions a minute."""
 WATCHDOG_UNIT = 0.02
+"""Of the register `bus_watchdog` [s]."""
 RETURN_DELAY_UNIT = 2e-6
+"""Of the register `return_delay_time` [s]."""
 BAUDS = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
 """By the value of the register `baud_rate`."""
 EEPROM_END = 64

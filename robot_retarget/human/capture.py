@@ -10,7 +10,7 @@ import numpy as np
 from robot_retarget.base.arrays import Bools, Floats
 from robot_retarget.base.errors import MatchError, MotionError, UsageError, known
 from robot_retarget.base.keypoints import SIDES
-from robot_retarget.base.untrusted.arrays import shape_of
+from robot_retarget.base.untrusted.arrays import RATES, shape_of
 from robot_retarget.base.untrusted.limits import zip_names
 from robot_retarget.human.recognition.limbs import LIMBS
 from robot_retarget.human.recognition.recognise import recognise
@@ -73,8 +73,6 @@ class Capture:
 
 USUAL_FPS = 30.0
 """Default for files without a frame rate, of formats without a usual one [1/s]."""
-RATES = (0.01, 10_000.0)
-"""Frame rates outside these bounds are mistakes [1/s]."""
 
 
 @dataclass(frozen=True)

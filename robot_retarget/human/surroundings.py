@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Floats, unit
 from robot_retarget.base.errors import SceneError, known
+from robot_retarget.base.untrusted.rotations import LENGTHS
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.scene.geoms import SceneModel
@@ -168,8 +169,6 @@ def _mesh_notes(scene: Scene) -> list[str]:
 
 IMMOVABLE = (ShapeKind.PLANE, ShapeKind.HEIGHT_FIELD)
 """Shapes that MuJoCo does not move."""
-UNIT = (0.5, 2.0)
-"""A quaternion of another norm is no rotation [-]."""
 
 
 class LiveScene:
@@ -229,7 +228,7 @@ class LiveScene:
         except (TypeError, ValueError):
             values = np.zeros(0)
         norm = float(np.linalg.norm(values[3:])) if values.shape == (7,) and np.isfinite(values).all() else 0.0
-        return "" if UNIT[0] < norm < UNIT[1] else f"no pose for body {name!r}"
+        return "" if LENGTHS[0] < norm < LENGTHS[1] else f"no pose for body {name!r}"
 
     def scene(self, poses: Floats) -> Scene:
         """Return the bodies at poses (T, B, 7)."""

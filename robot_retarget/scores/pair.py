@@ -15,7 +15,7 @@ from robot_retarget.contact.touch import HandTouches, hand_pairs, hand_touches
 from robot_retarget.human.features import features_of
 from robot_retarget.human.match import Match, match_bodies, path_weights, recognition_with
 from robot_retarget.human.motion import Motion
-from robot_retarget.robot import Anatomy, Robot, world_points
+from robot_retarget.robot import Anatomy, Points, Robot, override, recognise_with, world_points
 from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.trajectory import Trajectory
 
@@ -233,7 +233,38 @@ def _flat_sum(angles: Floats, flat: float) -> Floats:
     return np.where(angles < flat, angles**2 / (2 * flat) + flat / 2, angles).sum(axis=1)
 
 
-def pair_of(trajectory: Trajectory, robot: Robot, motion: Motion, anatomy: Anatomy, lines: Mapping[str, Any]) -> Pair:
+@dataclass(frozen=True)
+class Body:
+    """The keypoints of a robot; some are the mean of several points."""
+
+    anatomy: Anatomy
+    means: Mapping[str, Points]
+
+    def places(self, robot: Robot, keypoints: tuple[str, ...], qpos: Floats) -> Floats:
+        """(T, K, 3) of keypoints at qpos (T, nq) [m]."""
+        places = world_points(robot, self.anatomy.points_of(keypoints), qpos)
+        for k, keypoint in enumerate(keypoints):
+            if keypoint in self.means:
+                places[:, k] = world_points(robot, self.means[keypoint], qpos).mean(axis=1)
+        return places
+
+
+def body_of(robot: Robot, table: Mapping[str, Any]) -> Body:
+    """The keypoints of a robot, given the table `[robot]` of a map file.
+
+    A line may list several points, `pelvis = [["left_hip", 0, 0, 0], ["right_hip", 0, 0, 0]]`: their mean is the keypoint.
+
+    Raises:
+        MatchError: the robot is no humanoid, or a line names a body that does not exist.
+    """
+    several = {k: line for k, line in table.items() if isinstance(line, list) and line and isinstance(line[0], list)}
+    anatomy = recognise_with(robot, {k: line[0] if k in several else line for k, line in table.items()})
+    sites = {k: [override(anatomy, robot, {k: line}).sites[k] for line in lines] for k, lines in several.items()}
+    means = {k: Points(np.array([s.body for s in own]), np.array([s.offset for s in own])) for k, own in sites.items()}
+    return Body(anatomy, means)
+
+
+def pair_of(trajectory: Trajectory, robot: Robot, motion: Motion, body: Body, lines: Mapping[str, Any]) -> Pair:
     """The keypoints that a motion and a robot share, without the neck: most capture skeletons place it anywhere between shoulders and head.
 
     Frame t answers to the human frame nearest to `trajectory.source_time[t]`; frames beyond the clip answer to its last. Bones are
@@ -245,13 +276,13 @@ def pair_of(trajectory: Trajectory, robot: Robot, motion: Motion, anatomy: Anato
     Raises:
         MatchError: the motion is not human, a line names a joint that does not exist, or the two share too few keypoints.
     """
-    found = match_bodies(motion, robot, recognition_with(motion, lines), anatomy)
+    found = match_bodies(motion, robot, recognition_with(motion, lines), body.anatomy)
     keypoints = tuple(keypoint for keypoint in found.keypoints if keypoint != "neck")
     nearest = np.round((trajectory.source_time - motion.start_time) * motion.fps).astype(int)
     human = (
         found.recognition.weights(keypoints, len(motion.skeleton)) @ motion.positions[nearest.clip(0, len(motion) - 1)]
     )
-    own = world_points(robot, anatomy.points_of(keypoints), trajectory.qpos)
+    own = body.places(robot, keypoints, trajectory.qpos)
     described = motion.resample(trajectory.fps)
     at = np.round((trajectory.source_time - motion.start_time) * described.fps).astype(int).clip(0, len(described) - 1)
     contacts = {foot: stands[at] for foot, stands in features_of(described, found).contacts.items()}

@@ -12,11 +12,11 @@ from robot_retarget.human.features import HumanFeatures, features_of
 from robot_retarget.human.match import match, read_map
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import as_motion
-from robot_retarget.robot import Robot, recognise_with
+from robot_retarget.robot import Robot
 from robot_retarget.robot.catalog import Retargeted, on_robot
 from robot_retarget.scores import feet, physics, pose
 from robot_retarget.scores.figure import Figure, Measure, Value
-from robot_retarget.scores.pair import pair_of
+from robot_retarget.scores.pair import body_of, pair_of
 from robot_retarget.scores.subject import Subject, soles_of
 from robot_retarget.trajectory import Trajectory
 
@@ -101,7 +101,7 @@ def score(
         robot: a robot, or a name or model file that `load_robot` loads; by default the trajectory's.
         motion: the human motion that it comes from, or its file; by default that of the result. Without one, figures that
             compare with a human are None, and a note says so.
-        overrides: a map file, as `match` takes it.
+        overrides: a map file, as `match` takes it. A line of `[robot]` may list several points, whose mean is the keypoint.
 
     Raises:
         TrajectoryError: the trajectory belongs to another robot.
@@ -137,14 +137,14 @@ def subject_of(
     solid = int(((model.geom_contype != 0) | (model.geom_conaffinity != 0)).sum())
     notes = [f"self-penetration: the {solid} collision geoms of {robot.path.name}"]
     try:
-        anatomy = recognise_with(robot, tables.get("robot", {}))
+        body = body_of(robot, tables.get("robot", {}))
     except MatchError:
         if motion is not None or tables:
             raise
         return Subject(trajectory, robot), (*notes, "no humanoid: figures of feet are left out")
-    pair = None if motion is None else pair_of(trajectory, robot, motion, anatomy, tables.get("human", {}))
+    pair = None if motion is None else pair_of(trajectory, robot, motion, body, tables.get("human", {}))
     around = None if motion is None else _among(trajectory, robot, motion, overrides)
-    return Subject(trajectory, robot, soles_of(robot, anatomy), pair, anatomy, around), tuple(notes)
+    return Subject(trajectory, robot, soles_of(robot, body.anatomy), pair, body.anatomy, around), tuple(notes)
 
 
 def _among(trajectory: Trajectory, robot: Robot, motion: Motion, overrides: str | Path | None) -> HumanFeatures | None:

@@ -119,6 +119,7 @@ def _rate(durations: Floats, path: Path) -> float:
 # 259–262 contacts of left ankle, left foot, right ankle and right foot.
 
 HUMANML3D_WIDTH = 263
+"""Columns of a frame."""
 HUMANML3D_FPS = 20.0
 """Of the data set [1/s]."""
 _SIX = slice(67, 193)

@@ -11,15 +11,13 @@ from scipy.spatial.transform import Rotation, Slerp
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import FileError, MotionError
 from robot_retarget.base.untrusted.limits import LIMITS
-from robot_retarget.base.untrusted.rotations import checked_quaternions, quaternions_of_matrices
+from robot_retarget.base.untrusted.rotations import LENGTHS, checked_quaternions, quaternions_of_matrices
 from robot_retarget.human.capture import Capture, FileHeader, Request
 from robot_retarget.human.readers.gltf_container import GltfFile
 from robot_retarget.human.skeleton import Skeleton, sorted_tree
 
 WIDTHS = {"translation": 3, "rotation": 4, "scale": 3}
 _REST = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}
-_QUATERNION = 0.5
-"""Least length of a quaternion that represents a rotation."""
 
 
 @dataclass(frozen=True)
@@ -131,7 +129,7 @@ class Nodes:
             raise self.file.error(where, f"{path}: expected {shape}, found {values.shape}")
         if not (np.isfinite(times).all() and np.isfinite(values).all() and np.all(np.diff(times) > 0)):
             raise self.file.error(where, f"{path}: expected finite keys that rise in time")
-        if path == "rotation" and way != "CUBICSPLINE" and not np.all(np.linalg.norm(values, axis=-1) > _QUATERNION):
+        if path == "rotation" and way != "CUBICSPLINE" and not np.all(np.linalg.norm(values, axis=-1) > LENGTHS[0]):
             raise self.file.error(where, "rotation: expected unit quaternions x y z w")
         return Channel(times, values, way)
 

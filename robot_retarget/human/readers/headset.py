@@ -11,14 +11,13 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Bools, Floats
 from robot_retarget.base.errors import MotionError
+from robot_retarget.base.untrusted.rotations import LENGTHS
 from robot_retarget.base.untrusted.tables import MAGIC, bag_messages
 from robot_retarget.human.capture import Capture, FileHeader, Request
 from robot_retarget.human.readers.smpl import NAMES, PARENTS, mean_skeleton
 from robot_retarget.human.skeleton import Skeleton
 
 JOINTS = len(NAMES)
-LENGTHS = (0.5, 1.5)
-"""A quaternion of another length belongs to no tracked joint [-]; headsets send zeros for those."""
 
 
 class HeldBody:
@@ -70,6 +69,7 @@ JOINT = np.dtype([("pose", "<f4", 7), ("tracked", "u1"), ("padding", "u1", 3)])
 FIRST = 4
 """Offset of the first field in a table of offsets [bytes]; a field of `data` and `joints` alike."""
 NANO = 1e-9
+"""A nanosecond, the unit of the log [s]."""
 PAUSED = 4.0
 """Most frames of a clip for each of its records [-]: a pause of three quarters of a session is cut, not held."""
 

@@ -117,6 +117,7 @@ def sentence(content: Any) -> str:
 
 POINTS, CAMERA, TRACK = "pred_keypoints_3d", "pred_cam_t", "track_id"
 COUNT = 70
+"""Keypoints of the rig."""
 _AT = {
     "LSHOULDER": (5,), "RSHOULDER": (6,), "LELBOW": (7,), "RELBOW": (8,), "LHIP": (9,), "RHIP": (10,), "LKNEE": (11,),
     "RKNEE": (12,), "LANKLE": (13,), "RANKLE": (14,), "LBIGTOE": (15, 16), "RBIGTOE": (18, 19), "RWRIST": (41,),

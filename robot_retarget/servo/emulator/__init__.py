@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from robot_retarget.actuators.control_tables import BAUDS, CENTRE
+from robot_retarget.actuators.control_tables import BAUDS, CENTRE, LAST_POSITION
 from robot_retarget.actuators.inertial import LEVEL, VirtualImu
 from robot_retarget.actuators.map import ServoMap
 from robot_retarget.actuators.motors import Pendulum
@@ -51,7 +51,7 @@ def emulator(
         ServoError: the model, a fault, the link or the window is not to be had.
     """
     code = BAUDS.index(servo_map.baud)
-    devices = [rested(s.type, s.id, code, s.zero if 0 <= s.zero < 4096 else CENTRE) for s in servo_map.servos]
+    devices = [rested(s.type, s.id, code, s.zero if 0 <= s.zero <= LAST_POSITION else CENTRE) for s in servo_map.servos]
     for device, servo in zip(devices, servo_map.servos, strict=True):
         device.registers["return_delay_time"] = return_delay
         if pendulum is not None:

@@ -24,6 +24,7 @@ from robot_retarget.servo.emulator.registers import (
 )
 
 RADIANS = tau / TICKS_PER_TURN
+"""Of a tick [rad]."""
 AMBIENT = 30.0
 """Temperature of the room and of a rested servo [°C]."""
 OVERLOAD_DUTY = 0.8

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from robot_retarget.actuators.control_tables import ENCODER, OVERLOAD, SHOCK
+from robot_retarget.actuators.motors import TICKS_PER_TURN
 from robot_retarget.base.errors import ServoError, known
 from robot_retarget.servo.emulator.device import Device
 from robot_retarget.servo.emulator.network import Network
@@ -65,8 +66,8 @@ class World:
         """Bring the plant's shafts into the motors."""
         assert self.plant is not None
         for device, ticks, speed in zip(self.devices, *self.plant.shafts(), strict=True):
-            turns = round((device.motor.position - ticks) / 4096)
-            device.motor.position, device.motor.velocity = ticks + 4096 * turns, speed
+            turns = round((device.motor.position - ticks) / TICKS_PER_TURN)
+            device.motor.position, device.motor.velocity = ticks + TICKS_PER_TURN * turns, speed
 
 
 # Faults on request, as sentences: on the command line, or while the emulator runs.
@@ -89,7 +90,7 @@ class World:
 #     flip x          the inertial sensor measures the root body's x axis with the wrong sign
 #     freeze          the inertial sensor repeats its present reading
 #     reset           servos, wire and supply are as at the start
-# #     wait 0.5        time goes by [s], in lockstep
+#     wait 0.5        time goes by [s], in lockstep
 #     unplug          the cable is pulled; `plug` puts it back (a new port under the same link)
 #
 # `after 2.5 silent 3` does it 2.5 s after the start.
