@@ -45,7 +45,7 @@ class Capture:
     def __post_init__(self) -> None:
         for values in (self.positions, self.rotations):
             if values is not None:
-                self._refuse(~np.isfinite(values).all(axis=2), " is not finite")
+                self._refuse(np.asarray(~np.isfinite(values).all(axis=2)), " is not finite")
         if not np.isfinite(self.skeleton.offsets).all():
             joint = int(np.argwhere(~np.isfinite(self.skeleton.offsets))[0, 0])
             raise MotionError(f"the offset of joint {self.skeleton.names[joint]!r} is not finite", self.source)

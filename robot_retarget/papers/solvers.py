@@ -115,8 +115,8 @@ def solve(
         return _solution(graph, [constrain(graph, x, options, objective)], objective, began, "ipopt")
     if isinstance(options, Newton):
         return _solution(graph, [descend(graph, x, options, objective)], objective, began, "newton")
-    box = [side.reshape(-1, 1) for side in box_of(graph, x)]
-    found = minimise(_reduced(graph, objective), x.reshape(-1, 1), *box, options)
+    lower, upper = (side.reshape(-1, 1) for side in box_of(graph, x))
+    found = minimise(_reduced(graph, objective), x.reshape(-1, 1), lower, upper, options)
     return _solution(graph, [found], objective, began, "spectral")
 
 
@@ -162,9 +162,9 @@ def multistart(
     xs, options = [_ready(graph, start, objective) for start in starts], options or Spectral()
     began = time.perf_counter()
     boxes = [box_of(graph, x) for x in xs]
-    box = [np.stack([sides[side].ravel() for sides in boxes], axis=1) for side in range(2)]
+    lower, upper = (np.stack([sides[side].ravel() for sides in boxes], axis=1) for side in range(2))
     z = np.stack([x.ravel() for x in xs], axis=1)
-    found = minimise(_reduced(graph, objective), z, *box, options)
+    found = minimise(_reduced(graph, objective), z, lower, upper, options)
     best = int(np.argmin(found.values))
     chosen = Minimum(
         found.z[:, [best]], found.values[[best]], (found.statuses[best],), (found.iterations[best],), found.history
