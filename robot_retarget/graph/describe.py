@@ -196,18 +196,6 @@ def describe(
         UsageError: fps out of range, or an unknown preset.
     """
     require_keywords(describe, how, DescribeArguments)
-    motion, matched, robot, weights = matched_among(motion, robot, **how)
-    graph = graph_of(motion, features_of(motion, matched), robot, weights, kinds)
-    return replace(graph, mapped=how.get("overrides") is not None)
-
-
-def matched_among(
-    motion: Motion | str | Path, robot: Robot | str | Path, **how: Unpack[DescribeArguments]
-) -> tuple[Motion, Match, Robot, Weights]:
-    """Return what `describe` builds its graph of: the motion among bodies, its match, the robot as frozen, and the weights.
-
-    Arguments and errors are those of `describe`.
-    """
     overrides, scale = how.get("overrides"), how.get("scene_scale")
     weighed = (how.get("weights") or Weights()).with_preset(how.get("preset", "balanced"))
     motion = at_rate(among(as_motion(motion), how.get("scene"), scale), how.get("fps"))
@@ -216,7 +204,8 @@ def matched_among(
     matched = match(motion, robot, overrides)
     if how.get("terrain") == "auto":
         motion = among(with_terrain(motion, matched), None, scale)
-    return motion, matched, robot, weighed
+    graph = graph_of(motion, features_of(motion, matched), robot, weighed, kinds)
+    return replace(graph, mapped=overrides is not None)
 
 
 def among(motion: Motion, scene: Scene | str | Path | None, scale: float | None = None) -> Motion:

@@ -67,8 +67,6 @@ class Robot:
     """The robot before some of its joints were frozen (`freeze.freeze`), which recognition reads; None is itself."""
     led: Mapping[int, Trajectory] = field(default_factory=dict)
     """Frozen hinges that a trajectory moves instead, by index."""
-    begun: float = 0.0
-    """Time of these trajectories at which the motion begins: later in a piece of a long clip [s]."""
 
     def __post_init__(self) -> None:
         for name, dtype in (("joint_ids", np.int64), ("root_joints", np.int64)):
@@ -104,9 +102,7 @@ class Robot:
         lower, upper = (np.tile(end, (len(times), 1)) for end in (self.lower, self.upper))
         for hinge, trajectory in self.led.items():
             angles = trajectory.angles[:, trajectory.joint_names.index(self.joint_names[hinge])]
-            lower[:, hinge] = upper[:, hinge] = np.interp(
-                (times + self.begun) * trajectory.fps, np.arange(len(trajectory)), angles
-            )
+            lower[:, hinge] = upper[:, hinge] = np.interp(times * trajectory.fps, np.arange(len(trajectory)), angles)
         return lower, upper
 
     def spec(self) -> mujoco.MjSpec:

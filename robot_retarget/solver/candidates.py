@@ -16,7 +16,6 @@ from scipy.spatial.transform import Rotation, RotationSpline
 
 from robot_retarget.base.arrays import Floats, Ints
 from robot_retarget.graph.describe import RobotGraph
-from robot_retarget.graph.track import Status
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import SweptConfiguration, difference, integrate
 from robot_retarget.robot.model import HINGE
@@ -38,26 +37,13 @@ SHARES = (0.2, 0.4, 0.6, 0.8)
 """Shares of the way between two moments at which overlaps are measured [-]."""
 
 
-def coarse_path(
-    solver: FrameSolver, graph: RobotGraph, all_targets: Targets, search: Search, known: list[Floats] | None = None
-) -> list[Floats]:
-    """Return a configuration (nq,) per frame: the cheapest path through the candidates, on splines between moments.
-
-    Args:
-        known: configurations of the first frames; the path starts from the last of them.
-    """
-    first, fps = known or [], graph.fps
-    step, start = max(1, round(fps / search.rate)), max(len(first) - 1, 0)
-    beats = np.arange(0, len(graph), step)  # independent of known frames: every window seeks at the same ones
-    frames = np.unique([start, *beats[beats > start], len(graph) - 1])
+def coarse_path(solver: FrameSolver, graph: RobotGraph, all_targets: Targets, search: Search) -> list[Floats]:
+    """Return a configuration (nq,) per frame: the cheapest path through the candidates, on splines between moments."""
+    frames = np.unique([*range(0, len(graph), max(1, round(graph.fps / search.rate))), len(graph) - 1])
     found = Candidates(solver, graph, all_targets, frames, search)
-    if first:
-        found.start_from(first[-1])
     found.search()
     found.bridge()
-    path = found.cheapest()
-    before = first[max(start - 2, 0) : start]
-    return [*first[:start], *interpolated(solver.robot, frames - start, [pose.qpos for pose in path], before)]
+    return interpolated(solver.robot, frames, [pose.qpos for pose in found.cheapest()])
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +68,6 @@ class Candidates:
     frames: Ints
     times: Floats
     hinges: Ints
-    first: int
 
     def __init__(
         self, solver: FrameSolver, graph: RobotGraph, all_targets: Targets, frames: np.ndarray, search: Search
@@ -91,15 +76,8 @@ class Candidates:
         self.frames, self.times = frames, frames / graph.fps
         self.poses: list[list[FrameSolution]] = [[] for _ in frames]
         self.through: dict[tuple[FrameSolution, FrameSolution], float] = {}
-        self.hinges, self.first = solver.robot.qpos_index, 0
+        self.hinges = solver.robot.qpos_index
         self.bounds = solver.problem.limits.bounds(all_targets)
-
-    def start_from(self, qpos: Floats) -> None:
-        """Start with a given pose, which stays the only one of the first moment, and follow it."""
-        pose = FrameSolution(qpos, Status.CONVERGED, 0.0, 0)
-        self.poses[0].append(pose)
-        self.first = 1
-        self._follow([PoseChain(pose, 0, 1)])
 
     def search(self) -> None:
         """Find poses at moments and at the ends; follow each to both sides.
@@ -108,9 +86,7 @@ class Candidates:
         """
         last, search = len(self.frames) - 1, self.search_options
         stride = max(1, round(search.every / np.diff(self.times).max(initial=1 / search.rate)))
-        moments = [k for k in sorted({*range(0, last, stride), last}) if k >= self.first]
-        if not moments:
-            return
+        moments = sorted({*range(0, last, stride), last})
         found = self._reached(moments)
         costly = dearest([pose.cost for pose in found], round(search.dear * len(found)))
         dear = [moments[k] for k in sorted({*costly, 0, len(found) - 1})]
@@ -134,7 +110,7 @@ class Candidates:
         path = self.cheapest(beyond_speed=0.0)
         angles = np.array([pose.qpos[self.hinges] for pose in path])
         reach = self.bounds.speed.min(axis=0) * np.diff(self.times).max(initial=0.0)
-        paced, last = within_speeds(angles, reach, self.first), len(path) - 1
+        paced, last = within_speeds(angles, reach), len(path) - 1
         jumps = np.flatnonzero(np.abs(paced - angles).max(axis=1) > self.search_options.same)
         for half in (jumps[jumps % 2 == 0], jumps[jumps % 2 == 1]):  # so that neighbours do not move
             if not half.size:
@@ -208,7 +184,7 @@ class Candidates:
 
     def _follow(self, chains: "list[PoseChain]") -> None:
         """Take all chains from moment to moment, within the angles that the joints reach, until they meet known poses."""
-        while chains := [chain for chain in chains if self.first <= chain.moment + chain.way < len(self.frames)]:
+        while chains := [chain for chain in chains if 0 <= chain.moment + chain.way < len(self.frames)]:
             moments = [chain.moment + chain.way for chain in chains]
             near = [(c.pose.qpos[self.hinges], self._reach(c.moment, m)) for c, m in zip(chains, moments, strict=True)]
             angles, reach = (np.array(side) for side in zip(*near, strict=True))
@@ -279,7 +255,7 @@ class Candidates:
         known = self.poses[moment]
         for k, other in enumerate(known):
             if same_basin(self.solver, pose, other, self.search_options):
-                known[k] = min(pose, other, key=lambda each: each.cost) if moment >= self.first else other
+                known[k] = min(pose, other, key=lambda each: each.cost)
                 return False
         known.append(pose)
         return True
@@ -294,22 +270,21 @@ def dearest(cost: Sequence[float], most: int) -> list[int]:
     return chosen
 
 
-def interpolated(robot: Robot, frames: np.ndarray, poses: list[Floats], before: list[Floats]) -> list[Floats]:
+def interpolated(robot: Robot, frames: np.ndarray, poses: list[Floats]) -> list[Floats]:
     """Return configurations at every frame, on cubic splines through the given ones.
 
     Args:
-        frames: of the `poses`, from 0 on; the poses in `before`, at frames −1, −2, …, are further knots.
+        frames: of the `poses`, from 0 on.
     """
-    known, wanted = np.array([*before, *poses]), np.arange(frames[-1] + 1)
+    known, wanted = np.array(poses), np.arange(frames[-1] + 1)
     if len(known) == 1:
-        return [known[0]]
-    knots = np.concatenate([np.arange(-len(before), 0), frames])
+        return poses
     turning = [int(robot.model.jnt_qposadr[j]) for j in robot.root_joints if robot.model.jnt_type[j] == HINGE]
     known[:, turning] = np.unwrap(known[:, turning], axis=0)
-    full, hinges = CubicSpline(knots, known)(wanted), robot.qpos_index
+    full, hinges = CubicSpline(frames, known)(wanted), robot.qpos_index
     full[:, hinges] = full[:, hinges].clip(robot.lower, robot.upper)
     if robot.floating:
         a = robot.root_address + 3
-        turns = RotationSpline(knots, Rotation.from_quat(known[:, a : a + 4], scalar_first=True))
+        turns = RotationSpline(frames, Rotation.from_quat(known[:, a : a + 4], scalar_first=True))
         full[:, a : a + 4] = turns(wanted).as_quat(scalar_first=True)
     return list(full)

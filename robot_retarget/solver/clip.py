@@ -9,12 +9,12 @@ from robot_retarget.base.arrays import Bools, Floats
 from robot_retarget.base.progress import Count
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.kind import CoarsePhase, Phase, SolvedPhase
-from robot_retarget.graph.track import SECOND_DIFFERENCE, Form, Role, Status, Track, concatenated
+from robot_retarget.graph.track import SECOND_DIFFERENCE, Form, Role, Track, concatenated
 from robot_retarget.robot.kinematics import difference, tangent_names
 from robot_retarget.solver.candidates import coarse_path
 from robot_retarget.solver.descent import FrameSolution
 from robot_retarget.solver.limits import targets_of
-from robot_retarget.solver.options import ClipPiece, Search, Smoothing
+from robot_retarget.solver.options import Search, Smoothing
 from robot_retarget.solver.passes import Passes, clip_of, finished
 from robot_retarget.solver.problem import Problem
 from robot_retarget.solver.sqp import FrameSolver
@@ -35,25 +35,20 @@ def clip_poses(
     search: Search,
     smoothing: Smoothing,
     count: Count,
-    part: ClipPiece | None = None,
     start: Floats | None = None,
 ) -> tuple[list[FrameSolution], RobotGraph]:
     """Solve the windows in order. Returns poses and the graph with renewed tracks (`Kind.renewed`).
 
     Args:
-        part: which windows, after which known frames; by default all windows of the graph.
         start: (T, nq) a path in place of the coarse one.
     """
-    known = part.known if part else ()
-    poses = [FrameSolution(q, Status.CONVERGED, 0.0, 0) for q in known]
+    poses: list[FrameSolution] = []
     asked: list[list[Track]] = []
-    windows = part.windows if part else tuple(smoothing.windows.cut(len(graph), graph.fps))
+    windows = tuple(smoothing.windows.cut(len(graph), graph.fps))
     moving = sum(window.last - window.first - window.fixed for window in windows)
     count.expect(COARSE * len(graph) + smoothing.rounds * smoothing.passes * moving)
-    if start is None:
-        path = coarse_path(solver, graph, targets_of(coarse_tracks(graph)), search, list(known))
-    else:
-        path = list(start)
+    asks = targets_of(coarse_tracks(graph))
+    path = coarse_path(solver, graph, asks, search) if start is None else list(start)
     count.advance(COARSE * len(graph))
     for window in windows:
         own = graph.frames(window.first, window.last)
@@ -62,9 +57,7 @@ def clip_poses(
         kept = slice(window.fixed, window.final - window.first)
         poses += found[kept]
         asked.append([track.at(kept) for track in tracks])
-    solved = graph if part is None else graph.at(slice(len(known), len(poses)))
-    renewed = tuple(concatenated(parts) for parts in zip(*asked, strict=True))
-    return poses[len(known) :], replace(solved, tracks=renewed)
+    return poses, replace(graph, tracks=tuple(concatenated(parts) for parts in zip(*asked, strict=True)))
 
 
 def _window_poses(

@@ -1,9 +1,7 @@
 """Options that set the effort and the accuracy of the search, and the windows of a long clip."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
-
-from robot_retarget.base.arrays import Floats
+from dataclasses import dataclass, field
 
 # A long clip is solved in windows of bounded memory that join without a seam.
 # Each window keeps the last frames of the window before unchanged. Those frames were solved with more foresight than the
@@ -43,19 +41,6 @@ class FrameWindow:
     last: int
     fixed: int
     final: int
-
-    def after(self, frame: int) -> "FrameWindow":
-        """Return the same window in a piece that starts at a frame of the clip."""
-        return replace(self, first=self.first - frame, last=self.last - frame, final=self.final - frame)
-
-
-@dataclass(frozen=True, eq=False)
-class ClipPiece:
-    """Windows of a piece of a clip, with indices relative to its first frame."""
-
-    windows: tuple[FrameWindow, ...]
-    known: tuple[Floats, ...] = ()
-    """(nq,) configurations of the first frames; the first window keeps them."""
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from robot_retarget.solver.balance.balanced_ik import BalanceOptions
 from robot_retarget.solver.balance.playback import Balanced, expected_steps
 from robot_retarget.solver.options import Search, Smoothing, SolveOptions
 from robot_retarget.solver.solution import Solution
-from robot_retarget.solver.solve import solve_graph, unfinished
+from robot_retarget.solver.solve import solve_graph
 from robot_retarget.trajectory import Trajectory
 
 
@@ -104,7 +104,7 @@ class Result:
                 self.graph.human,
                 self.graph.robot,
                 self.solution.trajectory.qpos,
-                unfinished=unfinished(self.solution.status),
+                unfinished=self.solution.unfinished,
             )
         return likeness_of(
             self.graph.human,
@@ -114,7 +114,7 @@ class Result:
             slowdown=self.balance.slowdown,
             stride=self.balance.stride,
             legs="instead" if self.balance.instead else self.balance.legs,
-            unfinished=unfinished(self.solution.status),
+            unfinished=self.solution.unfinished,
         )
 
     @cached_property

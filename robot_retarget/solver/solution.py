@@ -95,6 +95,11 @@ class Solution:
         return ", ".join(f"{n} {name}" for name, n in counted.items())
 
     @property
+    def unfinished(self) -> float:
+        """Share of the frames that the solver left before convergence."""
+        return sum(one in (Status.OUT_OF_ITERATIONS, Status.BLOCKED) for one in self.status) / len(self.status)
+
+    @property
     def posture_error(self) -> Floats:
         """Return (T,) the mean of |d − δ|/τ over the posture edges."""
         return np.abs(self.errors("posture")).mean(axis=1) if "posture" in self.measured else np.zeros(len(self.cost))

@@ -235,7 +235,7 @@ def test_a_format_that_is_asked_for_later_is_written_without_solving_again(
     plain = job_of(clips, tmp_path / "out")
     run(plain)
     before = {row.key: row for row in rows_of(plain.out)}
-    monkeypatch.setattr("robot_retarget.tools.batch.task._retargeted", None)
+    monkeypatch.setattr("robot_retarget.solver.pipeline.retarget", None)
     later = replace(plain, settings=Settings(formats=("csv",), mirror=True))
     _, reported = run(later)
     assert [one.state for one in reported] == ["done"] * 3

@@ -102,15 +102,12 @@ def sha256_of(path: Path) -> str:
 
 
 if TYPE_CHECKING:
-    from robot_retarget.human.motion import Motion
     from robot_retarget.robot import Robot
     from robot_retarget.trajectory import Trajectory
 
 DONE, FAILED, TIMEOUT, MEMORY, CRASHED = "done", "failed", "timeout", "memory", "crashed"
 UNWRITABLE = "unwritable"
 """The outcome of a task whose output cannot be written: it ends the run and is not kept."""
-LONG = 240.0
-"""Clips of more than this are solved piece by piece [s]."""
 MIRROR = "_mirror"
 """Ends the names of mirrored outputs."""
 
@@ -213,6 +210,7 @@ def _made(task: Task) -> dict[str, Any]:
     from robot_retarget.human.read import read_motion
     from robot_retarget.robot import freeze
     from robot_retarget.scores.score import score
+    from robot_retarget.solver.pipeline import retarget
     from robot_retarget.trajectory import load_trajectory
 
     settings = task.settings
@@ -222,30 +220,26 @@ def _made(task: Task) -> dict[str, Any]:
         return {name: getattr(task.kept, name) for name in ("message", "frames", "fps", "figures", "output_sha256")}
     robot = freeze(robot_of(task.robot, settings.limits), settings.freeze, settings.only)
     motion = part_of(read_motion(task.path, up=settings.up, repair=settings.repair), settings.frames)
-    trajectory, notes = _retargeted(motion, robot, settings)
+    result = retarget(
+        motion,
+        robot,
+        fps=settings.fps,
+        overrides=settings.map_file,
+        preset=settings.preset,
+        legs=settings.legs,
+        balance=settings.balance,
+    )
+    trajectory = result.trajectory
     found = score(trajectory, robot, motion, overrides=settings.map_file)
     trajectory = between_stands(trajectory, robot, settings.stand)
     write(task, trajectory, robot)
     return {
-        "message": " ".join(notes),
+        "message": " ".join(result.notes),
         "frames": len(trajectory),
         "fps": trajectory.fps,
         "figures": dict(found.figures),
         "output_sha256": sha256_of(task.output),
     }
-
-
-def _retargeted(motion: "Motion", robot: "Robot", settings: Settings) -> "tuple[Trajectory, tuple[str, ...]]":
-    """The trajectory and its notes; long clips are solved piece by piece, in bounded memory."""
-    from robot_retarget.solver.pipeline import retarget
-    from robot_retarget.solver.solve import solve_long
-
-    common: dict[str, Any] = {"fps": settings.fps, "overrides": settings.map_file}
-    if motion.duration > LONG and settings.balance == "off":
-        solved, notes = solve_long(motion, robot, preset=settings.preset, **common)
-        return solved, (*notes, "Solved piece by piece.")
-    result = retarget(motion, robot, preset=settings.preset, legs=settings.legs, balance=settings.balance, **common)
-    return result.trajectory, result.notes
 
 
 @lru_cache(maxsize=8)
