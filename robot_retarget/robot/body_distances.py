@@ -5,6 +5,7 @@ measures those. A mesh is its convex hull, and a height field has no distance: t
 """
 
 from dataclasses import dataclass
+from operator import itemgetter
 
 import mujoco
 import numpy as np
@@ -43,8 +44,6 @@ class BodyDistances:
     """(N,) bodies of the robot's model."""
     bodies: Ints
     """(N,) indices in the scene."""
-    normal: Floats
-    """(N, 3) from the body to the link."""
     slope: Floats
     """(N, nv) of the distance by the tangent v."""
 
@@ -120,14 +119,8 @@ class RobotAmongBodies:
         mujoco.mju_quatZ2Vec(turn, normal)
         mujoco.mju_quat2Mat(self.data.geom_xmat[self._face], turn)
         self.data.geom_xpos[self._face] = place
-        least, ends, found, nearest = np.inf, np.zeros(6), np.zeros(6), 0
-        for geom in geoms:
-            distance = mujoco.mj_geomDistance(self.model, self.data, self._face, geom, FAR, ends)
-            if distance < least:
-                least, found, nearest = distance, ends.copy(), int(self.model.geom_bodyid[geom])
-        jacobian = np.empty((3, self.model.nv))
-        mujoco.mj_jac(self.model, self.data, jacobian, None, found[3:], nearest)
-        return least, normal @ jacobian
+        least, geom, ends = min((self._between(self._face, geom, FAR) for geom in geoms), key=itemgetter(0))
+        return least, self._slope(geom, ends[3:], normal)
 
     def to_side(
         self, qpos: Floats, poses: Floats, geoms: list[int], body: int, face: tuple[Floats, Floats]
@@ -141,14 +134,11 @@ class RobotAmongBodies:
         """
         if body in self._bodies:
             self.place(qpos, poses)
-            own, ends = int(self._body_geoms[self._bodies.index(body)]), np.zeros(6)
-            near = [(mujoco.mj_geomDistance(self.model, self.data, own, g, FAR, ends), g, ends.copy()) for g in geoms]
-            least, geom, found = min(near, key=lambda one: one[0])
-            way = (found[3:] - found[:3]) / least if abs(least) > TOUCHING else face[1]
+            own = int(self._body_geoms[self._bodies.index(body)])
+            least, geom, ends = min((self._between(own, geom, FAR) for geom in geoms), key=itemgetter(0))
+            way = _way(ends, least) if abs(least) > TOUCHING else face[1]
             if way @ face[1] > ALIKE:
-                jacobian = np.empty((3, self.model.nv))
-                mujoco.mj_jac(self.model, self.data, jacobian, None, found[3:], int(self.model.geom_bodyid[geom]))
-                return least, way @ jacobian
+                return least, self._slope(geom, ends[3:], way)
         return self.to_face(qpos, poses, geoms, face)
 
     def point(self, body: int, offset: Floats) -> tuple[Floats, Floats]:
@@ -180,21 +170,31 @@ class RobotAmongBodies:
         mujoco.mj_comPos(self.model, self.data)
 
     def _rows(self, pairs: list[list[int]], reach: float) -> BodyDistances:
-        """Return distances with their slopes: along the normal, a point of the link moves by n · J v."""
-        measured, ends = [], np.zeros(6)
-        for k, b in pairs:
-            geoms = int(self._body_geoms[b]), int(self._geoms[k])
-            least = mujoco.mj_geomDistance(self.model, self.data, *geoms, reach, ends)
-            if least < reach and abs(least) > TOUCHING:
-                measured.append((least, k, b, *ends))
-        found = np.array(measured).reshape(-1, 9)
-        distance, geoms, bodies = found[:, 0], found[:, 1].astype(int), found[:, 2].astype(int)
-        normal = (found[:, 6:] - found[:, 3:6]) / distance[:, None]
-        slope, jacobian = np.empty((len(found), self.model.nv)), np.empty((3, self.model.nv))
-        for row, (k, place) in enumerate(zip(geoms, found[:, 6:], strict=True)):
-            mujoco.mj_jac(self.model, self.data, jacobian, None, place, int(self.model.geom_bodyid[self._geoms[k]]))
-            slope[row] = normal[row] @ jacobian
-        return BodyDistances(distance, self._links[geoms], np.array(self._bodies)[bodies], normal, slope)
+        """Return the distances of pairs of a solid geom and a body that are within reach, with their slopes."""
+        measured = [(k, b, *self._between(int(self._body_geoms[b]), int(self._geoms[k]), reach)) for k, b in pairs]
+        found = [one for one in measured if one[2] < reach and abs(one[2]) > TOUCHING]
+        slope = np.empty((len(found), self.model.nv))
+        for row, (_, _, least, geom, ends) in zip(slope, found, strict=True):
+            row[:] = self._slope(geom, ends[3:], _way(ends, least))
+        links = self._links[[one[0] for one in found]] if found else self._links[:0]
+        bodies = np.array([self._bodies[one[1]] for one in found], np.int64)
+        return BodyDistances(np.array([one[2] for one in found]), links, bodies, slope)
+
+    def _between(self, own: int, geom: int, reach: float) -> tuple[float, int, Floats]:
+        """Return the distance from a geom to one of the robot [m], the latter, and the nearest points of both (6,) [m]."""
+        ends = np.zeros(6)
+        return mujoco.mj_geomDistance(self.model, self.data, own, geom, reach, ends), geom, ends
+
+    def _slope(self, geom: int, place: Floats, way: Floats) -> Floats:
+        """Return by how much a place (3,) of a geom moves along a direction (3,) with the tangent v (nv,)."""
+        jacobian = np.empty((3, self.model.nv))
+        mujoco.mj_jac(self.model, self.data, jacobian, None, place, int(self.model.geom_bodyid[geom]))
+        return way @ jacobian
+
+
+def _way(ends: Floats, distance: float) -> Floats:
+    """Return the direction (3,) from the first of two nearest points (6,) to the second, at a distance that is not 0."""
+    return (ends[3:] - ends[:3]) / distance
 
 
 class BodyPairs:
