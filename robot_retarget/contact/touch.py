@@ -8,6 +8,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from robot_retarget.base.arrays import Bools, Floats, intervals
 from robot_retarget.base.keypoints import ARM
@@ -56,6 +57,13 @@ def touch_strength(closeness: Floats, reach: Floats | float) -> Floats:
     near *= near
     near *= near
     return np.maximum(np.exp(-near * near) - FAINT, 0.0)
+
+
+def gradual(strength: Bools | Floats, frames: int) -> Floats:
+    """Return strengths (T, C) that rise before a touch and fall after it, within some frames: the maximum around, then its mean."""
+    width = 2 * frames + 1
+    most = maximum_filter1d(strength.astype(float), width, axis=0, mode="nearest")
+    return np.clip(uniform_filter1d(most, width, axis=0, mode="nearest"), 0.0, 1.0)  # a running sum may end at −1e-17
 
 
 def hand_pairs(keypoints: Collection[str]) -> list[tuple[str, str]]:

@@ -236,22 +236,16 @@ Placer = Callable[[Floats, Floats], Floats]
 """From the place (3,) of a point [m] and the rotation (3, 3) of its body to a configuration (nq,)."""
 
 
-def place_body(robot: Robot, qpos: Floats, body: int, offset: Floats, place: Floats, turn: Floats) -> Floats:
-    """Move the root so that a body has a given rotation and a point fixed to it a given place.
+def body_placer(robot: Robot, qpos: Floats, body: int, offset: Floats) -> Placer:
+    """Return what moves the root of a pose so that a body has a given rotation and a point fixed to it a given place.
 
-    A free joint has a closed form. Other roots take Newton steps on  [x(q) − place, log(R turnᵀ)] = 0, in the least-squares
-    sense if the root has fewer than six degrees of freedom.
+    A free joint has a closed form, and needs forward kinematics once. Other roots take Newton steps on
+    [x(q) − place, log(R turnᵀ)] = 0, in the least-squares sense if the root has fewer than six degrees of freedom.
 
     Args:
+        qpos: (nq,) the pose.
         offset: (3,) of the point in the body's frame [m].
-        place: (3,) target of the point [m].
-        turn: (3, 3) target rotation of the body.
     """
-    return body_placer(robot, qpos, body, offset)(place, turn)
-
-
-def body_placer(robot: Robot, qpos: Floats, body: int, offset: Floats) -> Placer:
-    """Return `place_body` of one pose, for many places: a free joint needs forward kinematics once."""
     if robot.floating:
         return FreePose.of(robot, qpos, body, offset).placed
     return partial(_stepped, robot, qpos, body, offset)

@@ -132,7 +132,7 @@ def limb_starts(solver: FrameSolver, search: Search) -> dict[tuple[int, ...], Fl
     for end, limb in limbs.items():
         draws = np.random.default_rng(list(end.encode())).random((search.drawn, len(limb)))
         every[:, limb] = robot.lower[limb] + draws * (robot.upper - robot.lower)[limb]
-    mirror = mirror_of(robot, _left(robot, anatomy.forward))
+    mirror = mirror_of(robot, np.cross([0.0, 0.0, 1.0], anatomy.forward))
     other = np.clip(mirror.angles(every), robot.lower, robot.upper)
     chosen = {"l_hand": every, "r_hand": other, "head": (every + other) / 2}
     return {
@@ -140,11 +140,6 @@ def limb_starts(solver: FrameSolver, search: Search) -> dict[tuple[int, ...], Fl
         for end, limb in limbs.items()
         if limb.size
     }
-
-
-def _left(robot: Robot, forward: Floats) -> Floats:
-    """Return the direction of the robot's left in its reference pose."""
-    return np.cross([0.0, 0.0, 1.0], forward)
 
 
 def place_root(graph: RobotGraph, qpos: Floats, frames: Iterable[int]) -> list[Floats]:

@@ -14,7 +14,7 @@ from robot_retarget.graph.describe import describe
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import Robot, load_robot
-from robot_retarget.robot.dynamics import place_body, raise_root, root_travel
+from robot_retarget.robot.dynamics import body_placer, raise_root, root_travel
 from robot_retarget.robot.kinematics import body_frames, integrate
 from robot_retarget.robot.model import robot_from_model
 from robot_retarget.solver.limits import targets_of
@@ -118,7 +118,7 @@ def test_a_robot_is_put_where_it_is_wished_and_raised_straight_up(root: str) -> 
         np.array([1.0, -2.0, 0.4]),
         0.1 * AXES[1],
     )
-    there = place_body(robot, robot.neutral(), body, offset, place, turn)
+    there = body_placer(robot, robot.neutral(), body, offset)(place, turn)
     positions, rotations = (frames[0, body] for frames in body_frames(robot, np.array([there])))
     assert np.allclose(rotations, turn, atol=1e-9)
     assert np.allclose(positions + turn @ offset, place, atol=1e-9)

@@ -4,9 +4,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, uniform_filter1d
+from scipy.ndimage import maximum_filter1d
 
 from robot_retarget.base.arrays import Bools, Floats, Ints, lengths, unit
+from robot_retarget.contact.touch import gradual
 from robot_retarget.graph.kind import (
     AXES,
     Form,
@@ -56,7 +57,8 @@ class ClearanceKind(Kind):
         scene, around = context.scene, context.human.around
         if scene is None or around is None:
             return None
-        touching = _widened(touching_links(context, around), round(RAMP * context.human.fps))
+        width = 2 * round(RAMP * context.human.fps) + 1
+        touching = maximum_filter1d(touching_links(context, around).view(np.uint8), width, axis=0).astype(bool)
         lower = self._lower(context, scene, touching)
         links = [context.robot.model.body(link).name for link in solid_geoms(context.robot)]
         ends = [(link, body) for body in scene.names for link in links] + pose_ends(scene)
@@ -85,9 +87,8 @@ class ClearanceKind(Kind):
         """Return the bodies with their poses at the frames of the track."""
         if self.scene is None:
             return None
-        poses = track.lower[:, -len(POSE) * len(self.scene) :].reshape(len(track.lower), -1, len(POSE))
-        every = enumerate(self.scene.scene.bodies)
-        moved = (body if body.fixed else replace(body, poses=poses[:, k] / _norms(poses[:, k])) for k, body in every)
+        poses, every = poses_of(track.lower, self.scene), enumerate(self.scene.scene.bodies)
+        moved = (body if body.fixed else replace(body, poses=poses[:, k]) for k, body in every)
         return replace(self.scene.scene, bodies=tuple(moved))
 
     def for_stream(self) -> "ClearanceKind":
@@ -108,21 +109,15 @@ class ClearanceKind(Kind):
         return MeasureRows(found.distance, found.slope, np.array(edges))
 
 
-def _norms(poses: Floats) -> Floats:
-    """Return (T, 7) divisors that make the quaternions of poses unit quaternions."""
-    norms = np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
-    return np.concatenate([np.ones((len(poses), 3)), np.repeat(norms, 4, axis=1)], axis=1)
-
-
 def pose_ends(scene: PlacedScene) -> list[tuple[str, str]]:
     """Return the ends of the edges that state the poses of B bodies, 7 a body."""
     return [(name, "world") for name in scene.names for _ in POSE]
 
 
 def poses_of(values: Floats, scene: PlacedScene) -> Floats:
-    """Return the poses (B, 7) among the values (E,) of a track's edges at one frame, where they come last."""
-    poses = values[len(values) - 7 * len(scene) :].reshape(-1, 7).copy()
-    poses[:, 3:] /= lengths(poses[:, 3:])[:, None]
+    """Return the poses (…, B, 7) among the values (…, E) of a track's edges, where they come last."""
+    poses = values[..., values.shape[-1] - 7 * len(scene) :].reshape(*values.shape[:-1], -1, 7).copy()
+    poses[..., 3:] /= lengths(poses[..., 3:])[..., None]
     return poses
 
 
@@ -149,15 +144,6 @@ def links_of(part: str, robot: Robot, anatomy: Anatomy) -> Ints:
             links.append(body)
             body = int(model.body_parentid[body])
     return np.unique(np.asarray(model.body_weldid)[links])
-
-
-def _widened(flags: Bools, frames: int) -> Bools:
-    """Return flags that hold for some frames before and after as well."""
-    wide = flags.copy()
-    for shift in range(1, frames + 1):
-        wide[shift:] |= flags[:-shift]
-        wide[:-shift] |= flags[shift:]
-    return wide
 
 
 # Contact: a part that touches a body of the scene touches it on the robot, at the same place of the body.
@@ -201,7 +187,7 @@ class ContactKind(Kind):
         pairs = [k for k in range(len(around.touches.pairs)) if self.every or around.touches.held[:, k].any()]
         if not pairs:
             return None
-        strength = _gradual(around.touches.held[:, pairs], round(RAMP * context.human.fps))
+        strength = gradual(around.touches.held[:, pairs], round(RAMP * context.human.fps))
         kind = replace(self, pairs=tuple(around.touches.pairs[k] for k in pairs), scene=scene)
         lower, priority = kind.sides(scene, around.touches.of(pairs), strength)
         ends = [(part, scene.names[body]) for part, body in kind.pairs for _ in range(OWN)] + pose_ends(scene)
@@ -263,10 +249,3 @@ class ContactKind(Kind):
         along = np.eye(3) - np.outer(normal, normal)
         values = np.append(distance, place + along @ (x - place))
         return values, np.vstack([away, along @ slope]), OWN * pair + np.arange(1 + len(AXES))
-
-
-def _gradual(held: np.ndarray, frames: int) -> Floats:
-    """Return (T, C) strengths that rise to 1 before a touch and fall after it, within some frames."""
-    width = 2 * frames + 1
-    most = maximum_filter1d(held.astype(float), width, axis=0, mode="nearest")
-    return np.clip(uniform_filter1d(most, width, axis=0, mode="nearest"), 0.0, 1.0)

@@ -5,10 +5,9 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from robot_retarget.base.arrays import Floats, Ints, lengths
-from robot_retarget.contact.touch import OTHER, touch_reach, touch_strength
+from robot_retarget.contact.touch import OTHER, gradual, touch_reach, touch_strength
 from robot_retarget.graph.kind import (
     AXES,
     SHORTEST,
@@ -166,7 +165,7 @@ class TouchKind(Kind):
         track = super().targets(context)
         if track is None:
             return None
-        strength = self._gently(track.priority, round(self.lead * context.human.fps))
+        strength = gradual(track.priority, round(self.lead * context.human.fps))
         return replace(track, priority=context.weights.touch * strength)
 
     def step(self, context: StreamFrame, memory: dict[str, Any]) -> FrameTargets | None:
@@ -204,9 +203,3 @@ class TouchKind(Kind):
     def for_robot(self) -> "TouchKind":
         """Return the kind without touches of the trunk: a robot's hand passes its hip closely without a touch."""
         return replace(self, other=0.0)
-
-    def _gently(self, touching: Floats, frames: int) -> Floats:
-        """Return (T, C) strengths that rise and fall gradually: the maximum of the frames around, then its mean."""
-        width = 2 * frames + 1
-        most = maximum_filter1d(touching, width, axis=0, mode="nearest")
-        return np.maximum(uniform_filter1d(most, width, axis=0, mode="nearest"), 0.0)  # a running sum may end at −1e-17
