@@ -2,7 +2,7 @@
 
 import copy
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, product
 
 import mujoco
 import numpy as np
@@ -27,6 +27,7 @@ from robot_retarget.robot.support import support
 from robot_retarget.solver.balance.balanced_ik import BalancedIk, balanced_stand, stand_places
 from robot_retarget.solver.balance.footsteps import foothold_places, gaps, planted_feet, spread, without_small_swings
 from robot_retarget.solver.balance.plan import (
+    DYNAMIC,
     PlaybackClip,
     Steadiness,
     Timeline,
@@ -115,6 +116,16 @@ def test_a_dynamic_plan_keeps_the_zero_moment_point_over_feet_that_the_mass_swin
     assert min(p.shrunk(keep).margin(x) for p, x in zip(supports[1:-1], zmp, strict=True)) > -2e-3
     assert plans[False].excess.max() < 2e-3 < 0.01 < plans[True].excess.max()
     assert min(p.margin(x) for p, x in zip(supports, c, strict=True)) < 0
+
+
+def test_a_walk_sways_no_farther_than_a_pendulum_that_stands_in_the_middle_of_each_foot() -> None:
+    """A pendulum whose zero moment point rests at ± p for a time T each sways by p (1 − 1 / cosh(T / 2√lever))."""
+    period, steps, middle = 15, 8, 0.06
+    supports = ([support(LEFT)] * period + [support(RIGHT)] * period) * (steps // 2)
+    sway = middle * (1 - 1 / np.cosh(period / 30 / 2 / np.sqrt(LEVER)))
+    target, lever = np.zeros((len(supports), 2)), np.full(len(supports), LEVER)
+    found = plan_centre(target, lever, supports, 30.0, DYNAMIC).centre[2 * period : -2 * period, 1]
+    assert 0.3 * sway < np.abs(found).max() < sway
 
 
 def test_swings_and_shifts_of_weight_are_given_their_time_and_long_stances_are_left_alone() -> None:
@@ -457,10 +468,38 @@ def test_a_swing_takes_half_the_time_on_servos_twice_as_fast(ik: BalancedIk) -> 
     assert 0.35 <= swing_time(ik) <= 0.65
 
 
-def test_a_walk_has_the_humans_pace_and_steps() -> None:
-    found = rr.retarget(rr.read_motion(SAMPLES / "walk.bvh"), rr.load_robot("op3")).balance
+@pytest.fixture(scope="module")
+def walk() -> Result:
+    return rr.retarget(rr.read_motion(SAMPLES / "walk.bvh"), rr.load_robot("op3"))
+
+
+def test_a_walk_has_the_humans_pace_and_steps(walk: Result) -> None:
+    found = walk.balance
     assert found is not None and (found.legs, found.mode) == ("follow", "dynamic")
     assert found.slowdown < 1.1 and found.stride > 0.95 and found.margin.min() > 0.01
+
+
+def test_legs_of_a_walk_are_within_eight_degrees_of_the_humans(walk: Result) -> None:
+    assert walk.likeness.part("legs") < np.radians(8.0) and walk.likeness.part("trunk") < np.radians(5.0)
+
+
+def test_forearms_of_a_walk_pass_knees_at_a_distance_between_frames_too(walk: Result) -> None:
+    """Half of the distance at frames is left for servos that err."""
+    robot, qpos = walk.robot, walk.trajectory.qpos
+    model, data = robot.model, mujoco.MjData(robot.model)
+    solid = [g for g in range(model.ngeom) if model.geom_contype[g] or model.geom_conaffinity[g]]
+    own = {
+        link: [g for g in solid if model.body(model.geom_bodyid[g]).name == link]
+        for link in (f"{s}_{end}_link" for s in "lr" for end in ("el", "knee"))
+    }
+    nearest = np.inf
+    for before, after in pairwise(qpos):
+        data.qpos[:] = integrate(robot, before, 0.5 * difference(robot, before, after))
+        mujoco.mj_kinematics(model, data)
+        for side in "lr":
+            for pair in product(own[f"{side}_el_link"], own[f"{side}_knee_link"]):
+                nearest = min(nearest, mujoco.mj_geomDistance(model, data, *pair, 0.05, None))
+    assert nearest > 0.03 * walk.graph.match.robot_leg
 
 
 def test_a_walk_is_walked_on_the_robots_own_feet_without_a_fall() -> None:

@@ -19,7 +19,14 @@ from robot_retarget.human.resample import at_frames
 from robot_retarget.robot import Robot
 from robot_retarget.scene.geoms import SolidGround
 from robot_retarget.scores.likeness import likeness_of
-from robot_retarget.solver.balance.balanced_ik import BalancedIk, balanced_stand, in_place, posed_in_place, stand_places
+from robot_retarget.solver.balance.balanced_ik import (
+    BalancedIk,
+    balanced_stand,
+    in_place,
+    posed_in_place,
+    stand_places,
+    with_margin,
+)
 from robot_retarget.solver.balance.footsteps import (
     REACH,
     StepRule,
@@ -29,7 +36,7 @@ from robot_retarget.solver.balance.footsteps import (
     total_step_length,
     without_small_swings,
 )
-from robot_retarget.solver.balance.plan import PlaybackClip, Steadiness
+from robot_retarget.solver.balance.plan import DYNAMIC, STATIC, PlaybackClip
 from robot_retarget.solver.balance.playback import Balanced, expected_steps, paced
 from robot_retarget.solver.solution import Solution
 from robot_retarget.solver.solve import solution_of
@@ -173,7 +180,7 @@ def _played_as(
         BalanceError: the result is not acceptable.
     """
     slowest = acceptable.slowdown if acceptable else np.inf
-    found = replace(paced(ik, clip, Steadiness(static=mode == "static"), count, slowest), mode=mode)
+    found = replace(paced(ik, clip, STATIC if mode == "static" else DYNAMIC, count, slowest), mode=mode)
     frames = np.round(found.timeline.at).astype(int)
     motion = at_frames(clip.graph.motion, found.timeline.at, ik.graph.fps)
     played = replace(clip.graph.at(frames), motion=motion, tracks=found.tracks)
@@ -217,4 +224,5 @@ def _stepping(ik: BalancedIk, draft: Floats, share: float = 1.0) -> PlaybackClip
     posed = np.array(draft)
     posed[:, root] += gaussian_filter1d((placed - corners).mean(axis=(1, 2))[:, :2], SWAY * fps, axis=0, mode="nearest")
     stride = total_step_length(kept, placed) / max(total_step_length(kept, corners), 1e-9)
-    return PlaybackClip(graph, posed, placed, kept, fps, stride)
+    clear = with_margin(graph, ik.options.arms * ik.leg, ik.limbs)
+    return PlaybackClip(clear, posed, placed, kept, fps, stride)

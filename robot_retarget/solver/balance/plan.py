@@ -22,11 +22,12 @@ from robot_retarget.trajectory import Trajectory
 
 # A path of the centre of mass over a clip, planned with preview: one quadratic program over all frames.
 #
-#     minimise  Σ ‖c_t − c⁰_t‖² + j Σ ‖c_{t+3} − 3c_{t+2} + 3c_{t+1} − c_t‖² (rate)⁶ + penalty Σ s_t²
+#     minimise  Σ ‖c_t − c⁰_t‖² + w Σ ‖p_t − m_t‖² + j Σ ‖c_{t+3} − 3c_{t+2} + 3c_{t+1} − c_t‖² (rate)⁶ + penalty Σ s_t²
 #     subject to  A_t c_t ≤ b_t + s_t   (static)      A_t (c_t − (z_t/g) c̈_t + d_t) ≤ b_t + s_t   (zero moment point)
 #
-# with the support polygons {x : A_t x ≤ b_t} shrunk towards their middles. Every frame uses the supports of all later
-# frames, so weight is shifted before a foot lifts.
+# with the zero moment points p_t = c_t − (z_t/g) c̈_t + d_t, the middles m_t of the supports, and the support polygons {x : A_t x ≤ b_t}
+# shrunk towards their middles. Every frame uses the supports of all later frames, so weight is shifted before a foot lifts. The target path c⁰ is
+# the middle between the feet: the path of least sway.
 
 
 @dataclass(frozen=True)
@@ -41,8 +42,16 @@ class Steadiness:
     """Weight of the squared third derivative [s⁶]."""
     pull: float = 1.0
     """Weight of the target path."""
+    middle: float = 0.0
+    """Weight of the zero moment point's distance from the middle of the support."""
     penalty: float = 1e5
     """Weight of the squared excess over the polygon."""
+
+
+STATIC = Steadiness()
+DYNAMIC = Steadiness(static=False, jerk=1e-5, middle=2.0)
+"""With a jerk of 1e-4 the zero moment point of a walk moves out and in over every stance, and the body sways twice as far. With a middle of 0 it
+keeps to the inner edges of the feet, where soft servos tip the OP3 inwards: below 6 mm for 30 % of the sample walk, 3 % with 4."""
 
 
 @dataclass(frozen=True)
@@ -85,9 +94,11 @@ def plan_centre(
     inside = [_inside(shrunk, sparse.eye(count), None)] if how.static else []
     rows, least = zip(*inside, _inside(shrunk, point, drift), strict=True)
     third = _third(count) * fps**3
-    smooth = how.jerk * (third.T @ third) + how.pull * sparse.eye(count)
+    smooth = how.jerk * (third.T @ third) + how.pull * sparse.eye(count) + how.middle * (point.T @ point)
     hessian = 2 * sparse.block_diag([smooth, smooth, how.penalty * sparse.eye(count)], format="csc")
-    gradient = np.concatenate([-2 * how.pull * targets[:, 0], -2 * how.pull * targets[:, 1], np.zeros(count)])
+    middles = np.array([polygon.middle for polygon in supports]) - (0.0 if drift is None else drift)
+    wanted = how.pull * targets + how.middle * (point.T @ middles)
+    gradient = np.concatenate([-2 * wanted[:, 0], -2 * wanted[:, 1], np.zeros(count)])
     found = _solve(hessian, gradient, sparse.vstack(rows, format="csc"), np.concatenate(least))
     centre = found[: 2 * count].reshape(2, count).T
     return ZmpPlan(centre, np.maximum(found[2 * count :], 0.0), np.asarray(point @ centre))
@@ -250,7 +261,7 @@ def plan_playback(
     targets = _target_poses(ik, clip, stands, timeline)
     places = _places(ik, clip, ends, timeline)
     (supports, planes), centre = _supports(timeline, places, clip.ground), ik.centres(targets)
-    over = np.array([s.middle for s in supports]) if clip.planted.all() else centre[:, :2]
+    over = np.array([s.middle for s in supports]) if clip.planted.all() else places.mean(axis=(1, 2))[:, :2]
     lever = (centre[:, 2] - planes.places[:, 2]) / ik.robot.gravity
     plan = plan_centre(over, lever, supports, clip.fps, how, drift and drift.on(timeline))
     return PlaybackPlan(
