@@ -206,29 +206,6 @@ class CameraRule:
     """A body stands while its head is higher over the ankles than this share of the most [-]."""
 
 
-@dataclass(frozen=True)
-class Vertical:
-    """The up direction of a capture, and how sure it is."""
-
-    up: Floats
-    """(3,) in the frame of the capture."""
-    tilt: float
-    """Angle between the camera's up axis and it [rad]."""
-    sigma: float
-    """Standard deviation of its direction [rad]."""
-    stances: int
-    """Number of planted feet that it was found from."""
-
-    @property
-    def note(self) -> str:
-        """The finding and its certainty, as a sentence."""
-        tilt, sigma = np.degrees([self.tilt, self.sigma])
-        return (
-            f"The camera is tilted by {tilt:.0f}° ± {sigma:.0f}°, from {self.stances} planted feet and the posture: "
-            "the motion was levelled."
-        )
-
-
 def levelled(
     capture: Capture, recognition: Recognition, axis: Floats, rule: CameraRule | None = None
 ) -> tuple[Capture, str]:
@@ -239,18 +216,25 @@ def levelled(
         axis: (3,) the camera's up axis.
         rule: how far each kind of evidence strays; None takes the defaults.
     """
-    found = find_vertical(recognition, capture.positions, capture.fps, axis, rule or CameraRule())
-    turn = Rotation.align_vectors(axis, found.up)[0]
+    up, sigma, stances = find_vertical(recognition, capture.positions, capture.fps, axis, rule or CameraRule())
+    turn = Rotation.align_vectors(axis, up)[0]
     positions = turn.apply(capture.positions.reshape(-1, 3)).reshape(capture.positions.shape)
     rotations = capture.rotations
     if rotations is not None:
         flat = Rotation.from_quat(rotations.reshape(-1, 4), scalar_first=True)
         rotations = (turn * flat).as_quat(scalar_first=True).reshape(rotations.shape)
-    return replace(capture, positions=positions, rotations=rotations), found.note
+    tilt, spread = np.degrees([np.arccos(np.clip(up @ axis, -1, 1)), sigma])
+    note = (
+        f"The camera is tilted by {tilt:.0f}° ± {spread:.0f}°, from {stances} planted feet and the posture: "
+        "the motion was levelled."
+    )
+    return replace(capture, positions=positions, rotations=rotations), note
 
 
-def find_vertical(recognition: Recognition, positions: Floats, fps: float, axis: Floats, rule: CameraRule) -> Vertical:
-    """Return the up direction of joints (T, J, 3) over time.
+def find_vertical(
+    recognition: Recognition, positions: Floats, fps: float, axis: Floats, rule: CameraRule
+) -> tuple[Floats, float, int]:
+    """Return the up direction (3,) of joints (T, J, 3) over time, its standard deviation [rad] and the number of planted feet.
 
     Args:
         positions: (T, J, 3) [any unit].
@@ -272,7 +256,7 @@ def find_vertical(recognition: Recognition, positions: Floats, fps: float, axis:
         values, vectors = np.linalg.eigh(prior + spread.T @ spread / rule.floor**2)
         up = vectors[:, 0] * np.sign(vectors[:, 0] @ mean)
     sigma = float(np.sqrt(np.mean(1 / np.maximum(values[1:] - values[0], 1e-9))))
-    return Vertical(up, float(np.arccos(np.clip(up @ axis, -1, 1))), sigma, len(stances))
+    return up, sigma, len(stances)
 
 
 def _planted(feet: list[Floats], up: Floats, fps: float) -> Floats:

@@ -53,6 +53,6 @@ def test_a_hop_is_a_flight_at_its_time() -> None:
 
 @needs_shared
 def test_a_human_on_a_chair_is_refused_with_the_reason_and_the_way_out() -> None:
-    motion = rr.read_motion(BVH / "xsens_mvn/BVH2SMPL_Sit54.bvh")
+    motion = rr.read_motion(BVH / "xsens_mvn/BVH2SMPL_Sit54.bvh").resample(15)
     with pytest.raises(BalanceError, match=r"a chair, hands on the floor.*from \d+\.\d to \d+\.\d s.*legs 'stand'"):
         rr.retarget(motion, OP3, balance="static", legs="follow")
