@@ -62,83 +62,77 @@ def parse_asf(text: str, path: str | Path) -> Asf:
     Raises:
         MotionError: a section, bone or number is missing or wrong; names the line and the expected content.
     """
-    parser = _Parser(path)
+    sections: dict[str, list[_Line]] = {}
+    section = ""
     for number, line in enumerate(text.splitlines(), 1):
         words = line.split("#")[0].split()
-        if words:
-            parser.take(words, number)
+        if words and words[0].startswith(":"):
+            section = words[0].lower()
+        elif words:
+            sections.setdefault(section, []).append((number, words))
+    angles = [words[-1].lower() for _, words in sections.get(":units", []) if words[0].lower() == "angle"]
+    parser = _Parser(path, not angles or angles[-1].startswith("deg"))
+    parser.root({words[0].lower(): (line, words[1:]) for line, words in sections.get(":root", [])})
+    parser.bonedata(sections.get(":bonedata", []))
+    parser.hierarchy(sections.get(":hierarchy", []))
     return parser.finished()
 
 
+_Line = tuple[int, list[str]]
+"""Its number, and its words."""
+
+
 class _Parser:
-    """Takes the lines one by one; a section lasts until the next word with a colon."""
+    """Makes bones of the lines of each section."""
 
-    def __init__(self, path: str | Path):
-        self.path, self.section, self.degrees = path, "", True
+    def __init__(self, path: str | Path, degrees: bool):
+        self.path, self.degrees = path, degrees
         self.bones: dict[str, Bone] = {"root": Bone("root", 1)}
-        self.bone: Bone | None = None
-        self.axis_order = "XYZ"
-        self.orientation = [0.0, 0.0, 0.0]
 
-    def take(self, words: list[str], line: int) -> None:
-        if words[0].startswith(":"):
-            self.section = words[0].lower()
-        elif self.section in (":units", ":root", ":bonedata", ":hierarchy"):
-            getattr(self, "_" + self.section[1:])(words, line)
+    def root(self, fields: dict[str, _Line]) -> None:
+        root = self.bones["root"]
+        if "order" in fields:
+            root.dof = self._dof(*fields["order"])
+        if "axis" in fields or "orientation" in fields:
+            line, words = fields.get("orientation", (1, ["0"] * 3))
+            where, order = fields.get("axis", (line, ["XYZ"]))
+            angles = self._numbers(words[:3], 3, "orientation", line)
+            root.axis = self._axes(angles, order[0] if order else "", where)
 
-    def _units(self, words: list[str], line: int) -> None:
-        if words[0].lower() == "angle":
-            self.degrees = words[-1].lower().startswith("deg")
+    def bonedata(self, lines: list[_Line]) -> None:
+        bone: Bone | None = None
+        for line, (word, *words) in lines:
+            match word.lower():
+                case "begin":
+                    bone = Bone("", line)
+                case "end":
+                    if bone is None or not bone.name:
+                        raise self._error("a bone without a name: expected begin, name … , end", line)
+                    if bone.name in self.bones:
+                        raise self._error(f"a second bone {bone.name!r}", line)
+                    self.bones[bone.name], bone = bone, None
+                case other if bone is None:
+                    raise self._error(f"{other!r} outside begin … end of a bone", line)
+                case "name":
+                    bone.name = words[0] if words else ""
+                case "direction":
+                    bone.direction = tuple(self._numbers(words, 3, "direction", line))
+                case "length":
+                    bone.length = self._numbers(words, 1, "length", line)[0]
+                case "axis":
+                    bone.axis = self._axes(self._numbers(words[:3], 3, "axis", line), words[-1], line)
+                case "dof":
+                    bone.dof = self._dof(line, words)
 
-    def _root(self, words: list[str], line: int) -> None:
-        match words[0].lower():
-            case "order":
-                self.bones["root"].dof = self._dof(words[1:], line)
-            case "axis":
-                self.axis_order = words[1] if len(words) > 1 else ""
-            case "orientation":
-                self.orientation = self._numbers(words[1:4], 3, "orientation", line)
-            case _:
-                return
-        self.bones["root"].axis = self._axes(self.orientation, self.axis_order, line)
+    def hierarchy(self, lines: list[_Line]) -> None:
+        for line, words in lines:
+            for name in words if words[0].lower() not in ("begin", "end") else ():
+                if name not in self.bones:
+                    raise self._error(f"unknown bone {name!r}; {known(self.bones)}", line)
+                if name != words[0]:
+                    self.bones[name].parent = words[0]
 
-    def _bonedata(self, words: list[str], line: int) -> None:
-        match words[0].lower():
-            case "begin":
-                self.bone = Bone("", line)
-            case "end":
-                self._keep(line)
-            case other if self.bone is None:
-                raise self._error(f"{other!r} outside begin … end of a bone", line)
-            case "name":
-                self.bone.name = words[1] if len(words) > 1 else ""
-            case "direction":
-                self.bone.direction = tuple(self._numbers(words[1:], 3, "direction", line))
-            case "length":
-                self.bone.length = self._numbers(words[1:], 1, "length", line)[0]
-            case "axis":
-                self.bone.axis = self._axes(self._numbers(words[1:4], 3, "axis", line), words[-1], line)
-            case "dof":
-                self.bone.dof = self._dof(words[1:], line)
-
-    def _keep(self, line: int) -> None:
-        bone, self.bone = self.bone, None
-        if bone is None or not bone.name:
-            raise self._error("a bone without a name: expected begin, name … , end", line)
-        if bone.name in self.bones:
-            raise self._error(f"a second bone {bone.name!r}", line)
-        self.bones[bone.name] = bone
-
-    def _hierarchy(self, words: list[str], line: int) -> None:
-        if words[0].lower() in ("begin", "end"):
-            return
-        for name in words:
-            if name not in self.bones:
-                raise self._error(f"unknown bone {name!r}; {known(self.bones)}", line)
-        for name in words[1:]:
-            self.bones[name].parent = words[0]
-
-    def _dof(self, words: list[str], line: int) -> tuple[str, ...]:
+    def _dof(self, line: int, words: list[str]) -> tuple[str, ...]:
         dof = tuple(word.lower() for word in words)
         strange = [word for word in dof if word not in (*ANGLES, *PLACES, "l")]
         if strange:
