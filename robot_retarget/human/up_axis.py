@@ -223,7 +223,7 @@ def levelled(
     if rotations is not None:
         flat = Rotation.from_quat(rotations.reshape(-1, 4), scalar_first=True)
         rotations = (turn * flat).as_quat(scalar_first=True).reshape(rotations.shape)
-    tilt, spread = np.degrees([np.arccos(np.clip(up @ axis, -1, 1)), sigma])
+    tilt, spread = np.degrees([float(np.arccos(np.clip(up @ axis, -1, 1))), sigma])
     note = (
         f"The camera is tilted by {tilt:.0f}° ± {spread:.0f}°, from {stances} planted feet and the posture: "
         "the motion was levelled."

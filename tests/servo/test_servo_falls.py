@@ -51,8 +51,8 @@ def test_a_robot_that_falls_as_its_motion_ends_fell(tmp_path: Path) -> None:
 
 def test_a_sensor_that_does_not_answer_is_noted_and_stops_nothing(tmp_path: Path) -> None:
     plan = plain_plan(hold(OP3, 0.3), OP3_MAP)
-    with emulated(tmp_path, "op3", "--fault", "after 0 silent 200") as robot:
-        outcome = play(plan, QUICK_OP3, robot.port)
+    with emulated(tmp_path, "op3", "--lockstep", str(plan.rate), "--fault", "after 0 silent 200") as robot:
+        outcome = play(plan, QUICK_OP3, robot.port, PlaybackOptions(lockstep=True))
     assert outcome.ended is PlaybackEnd.FINISHED
     assert outcome.warnings == ("the inertial sensor does not answer: a fall stops nothing",)
 
@@ -85,12 +85,12 @@ def test_a_joint_that_lags_below_its_step_cap_was_not_played(tmp_path: Path) -> 
     patient = replace(ARM, limits=replace(QUICK, current=5.0))
     ramp = np.linspace(0, 0.4, 41)[:, None] * np.array([0.0, 1.0, 0.0, 0.0])
     plan = ServoPlan(np.concatenate([ramp, np.repeat(ramp[-1:], 120, axis=0)]), 200.0)
-    with emulated(tmp_path, ARM) as robot:
+    with emulated(tmp_path, ARM, "--lockstep", str(plan.rate)) as robot:
 
         def say(text: str) -> None:
             if text.startswith("playing"):
                 robot.do("jam 2")
 
-        outcome = play(plan, patient, robot.port, PlaybackOptions(end_pose=False), say=say)
+        outcome = play(plan, patient, robot.port, PlaybackOptions(end_pose=False, lockstep=True), say=say)
     assert (outcome.ended, outcome.exit_code) == (PlaybackEnd.ASTRAY, 1), outcome.sentence
     assert outcome.reason.startswith("j2 was 0.")

@@ -81,9 +81,10 @@ def test_a_board_that_does_not_answer_is_refused_before_anything_moves(tmp_path:
     report = rr.simulate(hold(OP3, 0.2), OP3, mode="free", draws=0, feedback=True)
     assert report.trajectory is not None
     plan = goal_plan(report.trajectory, OP3_MAP)
-    with emulated(tmp_path, "op3", "--fault", f"after 0 silent {IMU.id}") as robot:
+    steps = ("--lockstep", str(plan.rate))
+    with emulated(tmp_path, "op3", *steps, "--fault", f"after 0 silent {IMU.id}") as robot:
         with pytest.raises(ServoError, match=r"does not answer .*--no-feedback"):
-            play(plan, OP3_MAP, robot.port)
+            play(plan, OP3_MAP, robot.port, PlaybackOptions(lockstep=True))
         servos = robot.do("state")["servos"]
     assert not any(servo["torque_enable"] for servo in servos.values())
 
@@ -92,8 +93,10 @@ def test_a_sensor_lost_on_the_way_fades_out_and_the_motion_ends(tmp_path: Path) 
     report = rr.simulate(hold(OP3, 1.0), OP3, mode="free", draws=0, feedback=True)
     assert report.trajectory is not None
     plan = goal_plan(report.trajectory, OP3_MAP)
-    with emulated(tmp_path, "op3", "--fault", f"after 4 silent {IMU.id}") as robot:
-        outcome = play(plan, OP3_MAP, robot.port, PlaybackOptions(end_pose=False, test_lean=False))
+    steps = ("--lockstep", str(plan.rate))
+    with emulated(tmp_path, "op3", *steps, "--fault", f"after 2.5 silent {IMU.id}") as robot:
+        how = PlaybackOptions(end_pose=False, test_lean=False, lockstep=True)
+        outcome = play(plan, OP3_MAP, robot.port, how)
     assert outcome.ended is PlaybackEnd.FINISHED, outcome.reason
     assert any("does not answer: feedback fades out" in text for text in outcome.warnings)
 
