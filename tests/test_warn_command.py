@@ -41,11 +41,9 @@ def test_json_holds_events_and_figures(colliding: Path, tmp_path: Path) -> None:
     assert len((tmp_path / "w.csv").read_text().splitlines()) == 1 + len(facts["events"])
 
 
-def test_the_table_names_pairs_and_the_picture_is_drawn(colliding: Path, tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib")
-    said = warn(colliding, "--robot", "op3", "-o", tmp_path / "w.csv", "--plot", tmp_path / "w.png")
+def test_the_table_names_pairs(colliding: Path, tmp_path: Path) -> None:
+    said = warn(colliding, "--robot", "op3", "-o", tmp_path / "w.csv")
     assert "first warning" in said and "_link" in said
-    assert (tmp_path / "w.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_bad_input_ends_in_a_sentence(op3: Robot, colliding: Path, tmp_path: Path) -> None:
@@ -61,6 +59,6 @@ def test_bad_input_ends_in_a_sentence(op3: Robot, colliding: Path, tmp_path: Pat
     for path, sentence in ((single, "two frames"), (other, "not of 'op3'"), (broken, "not finite"), (still, "fps")):
         with pytest.raises(RobotRetargetError, match=sentence):
             warn(path, "--robot", "op3", "-o", tmp_path / "w.csv")
-    with pytest.raises(RobotRetargetError, match="xyz is no picture format; known: jpg, pdf, png, svg"):
-        warn(colliding, "--robot", "op3", "-o", tmp_path / "w.csv", "--plot", tmp_path / "w.xyz")
+    with pytest.raises(RobotRetargetError, match=r"\.csv"):
+        warn(colliding, "--robot", "op3", "-o", tmp_path / "w.xyz")
     assert not (tmp_path / "w.csv").exists()

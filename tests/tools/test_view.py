@@ -234,6 +234,9 @@ def test_a_film_lasts_as_long_as_its_trajectory(tmp_path, pencil):
     frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(film.path))
     assert (frames, seconds) == (31, pytest.approx(1.55, abs=0.1))
     assert done == [(k, 31) for k in range(1, 32)]
+    loop = video(OP3, wander(OP3, frames=76), tmp_path / "v.gif", fps=10, height=64)
+    with Image.open(tmp_path / "v.gif") as pictures:
+        assert isinstance(loop, Film) and loop.frames == pictures.n_frames == 16 and pictures.info["duration"] == 100  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(("module", "extra"), [("imageio_ffmpeg", "ffmpeg"), ("PIL.ImageDraw", "Pillow")])
@@ -252,7 +255,9 @@ def test_bad_input_is_refused(tmp_path):
         strip(OP3, hold(OP3), stick_man()[0], BONES)
     with pytest.raises(UsageError, match="bones join points 0 … 6, got 0 … 9"):
         strip(OP3, hold(OP3), stick_man(), np.array([(0, 9)]))
-    with pytest.raises(UsageError, match="positive, got 0"):
+    with pytest.raises(UsageError, match=r"\.mp4 or \.gif"):
+        video(OP3, hold(OP3), tmp_path / "v.avi")
+    with pytest.raises(UsageError, match="got 0"):
         video(OP3, hold(OP3), tmp_path / "v.mp4", fps=0)
     with pytest.raises(TrajectoryError, match="not of 'op3'"):
         strip(OP3, Trajectory(hold(OP3).qpos, 50, ("tail", *OP3.joint_names[1:]), "lizard"))

@@ -1,7 +1,7 @@
 """`simulate`: a trajectory on simulated servos, and a verdict."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import typer
 
@@ -20,7 +20,7 @@ from robot_retarget.tools.cli.options import (
     ServoOptions,
     TrajectoryOptions,
 )
-from robot_retarget.tools.cli.run import draw_warnings, save_judged, write_page
+from robot_retarget.tools.cli.run import save_judged, write_page
 
 
 @options
@@ -110,10 +110,9 @@ class WarnedOptions(TrajectoryOptions):
         "Follow the next frames of the file over the horizon, in place of the last step.", default=False
     )
     output: Path | None = option("A table of the events to write (.csv).", *OUT, default=None)
-    plot: Path | None = option("A picture of D, distance and α to draw.", default=None)
 
 
-@command(epilog="Example: robot-retarget warn dance.npz --robot op3 --plot warnings.png")
+@command(epilog="Example: robot-retarget warn dance.npz --robot op3 -o warnings.csv")
 def warn(warned: WarnedOptions, robot: RobotOptions, printing: PrintOptions) -> None:
     """Predict collisions of a trajectory, frame by frame.
 
@@ -121,16 +120,12 @@ def warn(warned: WarnedOptions, robot: RobotOptions, printing: PrintOptions) -> 
     """
     from robot_retarget.base.files import require_suffix, require_writable
     from robot_retarget.collision.warn import WarnOptions, figures_of, warnings_of, write_csv
-    from robot_retarget.tools.view.charts import require_drawable
     from robot_retarget.trajectory import load_trajectory
 
-    output, plot = warned.output, warned.plot
-    for path in filter(None, (output, plot)):
-        require_writable(path)
+    output = warned.output
     if output is not None:
+        require_writable(output)
         require_suffix(output, ".csv", "--json prints the events as JSON")
-    if plot is not None:
-        require_drawable(plot)
     ahead = WarnOptions(horizon=warned.horizon)
     found = warnings_of(load_trajectory(warned.trajectory), robot.load(), ahead, planned=warned.planned)
     if output is not None:
@@ -142,14 +137,9 @@ def warn(warned: WarnedOptions, robot: RobotOptions, printing: PrintOptions) -> 
     printing.show(facts, console.show_warnings)
     if output is not None:
         console.note(f"wrote {output}")
-    if plot is not None:
-        draw_warnings(found, plot)
 
 
 # `score`: the figures by which retargeters are compared.
-
-if TYPE_CHECKING:
-    pass
 
 
 @options

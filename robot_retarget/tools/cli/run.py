@@ -306,15 +306,6 @@ def write_page(
         console.note(drawn.reason)
 
 
-def draw_warnings(warnings: "Warnings", path: Path) -> None:
-    """Draw the pairs that were flagged; what cannot be drawn is said."""
-    from robot_retarget.tools.view.charts import plot_warnings
-    from robot_retarget.tools.view.picture import Unavailable
-
-    drawn = plot_warnings(warnings, path)
-    console.note(drawn.reason if isinstance(drawn, Unavailable) else f"drew {drawn}")
-
-
 def require_source(trajectory: "Trajectory", motion: "Motion", force: bool) -> None:
     """Require that a trajectory comes from a motion, unless forced.
 

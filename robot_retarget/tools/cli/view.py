@@ -19,8 +19,8 @@ from robot_retarget.tools.cli.options import (
 from robot_retarget.tools.cli.run import require_source
 
 if TYPE_CHECKING:
+    from robot_retarget.edit.touchup import Session
     from robot_retarget.human.motion import Motion
-    from robot_retarget.tools.view.web.serve import Editor
     from robot_retarget.tools.view.web.serve import Served as Server
     from robot_retarget.tools.view.web.take import Take
 
@@ -30,14 +30,13 @@ class DrawOptions:
     """Files that show the first trajectory, and the page of all."""
 
     static: Path | None = option("A page to write (.html), that opens without a network.", default=None)
-    video: Path | None = option("A film to write (.mp4), of the first trajectory.", default=None)
-    gif: Path | None = option("An animated GIF to write, of the first trajectory.", default=None)
+    video: Path | None = option("A film to write (.mp4 or .gif), of the first trajectory.", default=None)
     strip: Path | None = option("A strip of moments to write (.png), of the first trajectory.", default=None)
 
     @property
     def files(self) -> list[Path]:
         """The files to write."""
-        return [path for path in (self.strip, self.video, self.gif, self.static) if path is not None]
+        return [path for path in (self.strip, self.video, self.static) if path is not None]
 
 
 @options
@@ -73,7 +72,7 @@ class ServeOptions:
 
 @command(epilog="Example: robot-retarget view dance.npz --robot op3 --motion dance.bvh")
 def view(viewed: ViewOptions, drawn: DrawOptions, served: ServeOptions, printing: PrintOptions) -> None:
-    """Look at trajectories in a browser, a page, a film or a GIF.
+    """Look at trajectories in a browser, a page or a film.
 
     Robot, human, contacts, balance, near pairs, limits, curves.
     """
@@ -130,33 +129,25 @@ def _draw(take: "Take", drawn: DrawOptions) -> None:
     Raises:
         UsageError: a picture cannot be drawn.
     """
-    from robot_retarget.tools.view.film import gif as write_gif
-    from robot_retarget.tools.view.film import strip as draw_strip
-    from robot_retarget.tools.view.film import video as write_video
-    from robot_retarget.tools.view.picture import Unavailable
+    from robot_retarget.tools.view.film import strip, video
+    from robot_retarget.tools.view.picture import Picture, Unavailable
 
-    shown = (take.human.points, take.human.bones) if take.human else (None, None)
     what = take.robot, take.trajectory
-    if drawn.strip is not None:
-        picture = draw_strip(*what, *shown)
-        _require_drawn(picture if isinstance(picture, Unavailable) else picture.save(drawn.strip), drawn.strip)
-    for name, write, path in (("film", write_video, drawn.video), ("gif", write_gif, drawn.gif)):
-        if path is not None:
-            with progress() as begin:
-                _require_drawn(write(*what, path, *shown, progress=begin(name)), path)
+    shown = (take.human.points, take.human.bones) if take.human else (None, None)
+    with progress() as begin:
+        made = [] if drawn.strip is None else [(strip(*what, *shown), drawn.strip)]
+        if drawn.video is not None:
+            made.append((video(*what, drawn.video, *shown, progress=begin("film")), drawn.video))
+    for outcome, path in made:
+        if isinstance(outcome, Unavailable):
+            raise UsageError(f"cannot draw {path}: {outcome.reason}")
+        if isinstance(outcome, Picture):
+            outcome.save(path)
+        if outcome.note:
+            console.note(outcome.note)
 
 
-def _require_drawn(outcome: object, path: Path) -> None:
-    from robot_retarget.tools.view.film import Film
-    from robot_retarget.tools.view.picture import Unavailable
-
-    if isinstance(outcome, Unavailable):
-        raise UsageError(f"cannot draw {path}: {outcome.reason}")
-    if isinstance(outcome, Film) and outcome.note:
-        console.note(outcome.note)
-
-
-def _editor(take: "Take", motion: "Motion", map_file: Path | None, edits: Path) -> "Editor":
+def _editor(take: "Take", motion: "Motion", map_file: Path | None, edits: Path) -> "Session":
     """What touches up the first trajectory."""
     from robot_retarget.edit.touchup import Session, graph_of
 

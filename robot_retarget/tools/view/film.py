@@ -1,4 +1,4 @@
-"""Pictures of human and robot side by side: a strip of moments, a film, a GIF, a loop for the head of a page."""
+"""Pictures of human and robot side by side: a strip of moments, a film, a loop for the head of a page."""
 
 import io
 from collections.abc import Callable, Iterator
@@ -132,10 +132,14 @@ def loop(
 
 # A film of human and robot side by side.
 
-HEIGHT = 720
-"""Of the film [pixels]."""
+HEIGHT = {".mp4": 720, ".gif": 240}
+"""Of the film by the suffix of its file [pixels]."""
 ASPECT = 4 / 3
-"""Width over height of the film: 960 by 720. What needs more room to the sides has a wider one."""
+"""Width over height of an mp4: 960 by 720. What needs more room to the sides has a wider one."""
+GIF_FPS = 12.5
+"""Pictures a second of a GIF [1/s], which knows whole hundredths of a second."""
+COLOURS = 64
+"""Of a GIF."""
 
 
 @dataclass(frozen=True)
@@ -155,112 +159,80 @@ def video(
     bones: Ints | None = None,
     *,
     fps: float | None = None,
-    height: int = HEIGHT,
+    height: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Film | Unavailable:
-    """Write an mp4 (H.264) of the whole trajectory at its own pace.
+    """Write a film of the whole trajectory at its own pace: an mp4 (H.264), or an animated GIF that begins again when it ends.
 
     Args:
         human: points and `bones` as for `strip`.
-        fps: of the film [1/s]; by default 30, and 10 where figures are drawn for want of OpenGL, which takes longer.
-        height: of the film [pixels].
+        fps: of the film [1/s]; by default 30 (12.5 of a GIF), and 10 where figures are drawn for want of OpenGL, which takes longer.
+        height: of the film [pixels]; by default 720 (240 of a GIF).
         progress: called with (frames done, frames in all).
 
     Raises:
-        UsageError: a rate that is not positive, or a human of another shape.
+        UsageError: a rate or suffix that no film has, or a human of another shape.
         TrajectoryError: it belongs to another robot.
         OutputError: it cannot be written.
     """
+    kind = Path(path).suffix.lower()
+    if kind not in HEIGHT:
+        raise UsageError(f"{path}: a film is .mp4 or .gif")
     if fps is None:
-        fps = 30.0 if can_render() else 10.0
-    if not (np.isfinite(fps) and fps > 0):
-        raise UsageError(f"frames per second must be positive, got {fps}")
+        fps = (GIF_FPS if kind == ".gif" else 30.0) if can_render() else 10.0
+    if not 0 < fps <= (50 if kind == ".gif" else 1000):
+        raise UsageError(f"frames per second must be positive, and 50 at most in a GIF, got {fps}")
     times = np.arange(int(trajectory.duration * fps + 1e-9) + 1) / fps
     staging = arrange(robot, trajectory, human, bones, times)
-    if missing := without_pillow():
+    if missing := without_pillow() or (without_ffmpeg() if kind == ".mp4" else None):
         return missing
+    height = height or HEIGHT[kind]
+    aspect = max(staging.aspect, ASPECT) if kind == ".mp4" else staging.aspect
+    size = _even(height * aspect), _even(height)  # H.264 halves the colours' resolution
+    with replacing(path) as scratch, painter(staging, *size, finish=MOVING) as (paint, note):
+        (_write_gif if kind == ".gif" else _write_mp4)(scratch, _frames(paint, times, progress), size, fps)
+    return Film(Path(path), len(times), note)
+
+
+def _frames(
+    paint: Callable[[int], Pixels], times: Floats, progress: Callable[[int, int], None] | None
+) -> Iterator[Pixels]:
+    for k, time in enumerate(times):
+        yield labelled(paint(k), f"{time:.1f} s")
+        if progress is not None:
+            progress(k + 1, len(times))
+
+
+def _write_mp4(path: Path, frames: Iterator[Pixels], size: tuple[int, int], fps: float) -> None:
+    from imageio_ffmpeg import write_frames
+
+    rate: Any = fps  # annotated as int there, handed on to ffmpeg as text
+    writer = write_frames(str(path), size, fps=rate, quality=7, macro_block_size=2, ffmpeg_log_level="error")
+    writer.send(None)
+    try:
+        for frame in frames:
+            writer.send(np.ascontiguousarray(frame))
+    finally:
+        writer.close()
+
+
+def _write_gif(path: Path, frames: Iterator[Pixels], size: tuple[int, int], fps: float) -> None:
+    from PIL import Image
+
+    first, *others = [Image.fromarray(frame).quantize(COLOURS, dither=Image.Dither.NONE) for frame in frames]
+    first.save(path, "GIF", save_all=True, append_images=others, duration=round(100 / fps) * 10, loop=0)
+
+
+def without_ffmpeg() -> Unavailable | None:
+    """Return why films cannot be written, if they cannot."""
     try:
         import imageio_ffmpeg
 
         imageio_ffmpeg.get_ffmpeg_exe()
     except (ImportError, RuntimeError):
         return Unavailable(f"films need imageio-ffmpeg: {install_line('video')}")
-    with replacing(path) as scratch:
-        note = _film(staging, scratch, fps, height, progress)
-    return Film(Path(path), len(times), note)
-
-
-def _film(staging: Staging, path: Path, fps: float, height: int, progress: Callable[[int, int], None] | None) -> str:
-    from imageio_ffmpeg import write_frames
-
-    size = _even(height * max(staging.aspect, ASPECT)), _even(height)  # H.264 halves the colours' resolution
-    rate: Any = fps  # annotated as int there, handed on to ffmpeg as text
-    writer = write_frames(str(path), size, fps=rate, quality=7, macro_block_size=2, ffmpeg_log_level="error")
-    writer.send(None)
-    try:
-        with painter(staging, *size, finish=MOVING) as (paint, note):
-            for k, time in enumerate(staging.times):
-                writer.send(np.ascontiguousarray(labelled(paint(k), f"{time:.1f} s")))
-                if progress is not None:
-                    progress(k + 1, len(staging.times))
-    finally:
-        writer.close()
-    return note
+    return None
 
 
 def _even(pixels: float) -> int:
     return 2 * round(pixels / 2)
-
-
-# An animated GIF of human and robot side by side.
-
-GIF_HEIGHT = 240
-"""Of the pictures [pixels]."""
-GIF_FPS = 12.5
-"""Pictures a second [1/s]; a GIF knows whole hundredths of a second."""
-COLOURS = 64
-
-
-def gif(
-    robot: Robot,
-    trajectory: Trajectory,
-    path: str | Path,
-    human: Floats | None = None,
-    bones: Ints | None = None,
-    *,
-    fps: float = GIF_FPS,
-    height: int = GIF_HEIGHT,
-    progress: Callable[[int, int], None] | None = None,
-) -> Film | Unavailable:
-    """Write an animated GIF of the whole trajectory at its own pace, that begins again when it ends.
-
-    Args:
-        human: points and `bones` as for `strip`.
-        fps: pictures a second, up to 50 [1/s].
-        height: of the pictures [pixels].
-        progress: called with (pictures done, pictures in all).
-
-    Raises:
-        UsageError: a rate out of range, or a human of another shape.
-        TrajectoryError: it belongs to another robot.
-        OutputError: it cannot be written.
-    """
-    if not 0 < fps <= 50:
-        raise UsageError(f"a GIF has up to 50 pictures a second, got {fps:g}")
-    if missing := without_pillow():
-        return missing
-    from PIL import Image
-
-    times = np.arange(int(trajectory.duration * fps + 1e-9) + 1) / fps
-    staging = arrange(robot, trajectory, human, bones, times)
-    pictures = []
-    with painter(staging, round(height * staging.aspect), height) as (paint, note):
-        for k in range(len(times)):
-            picture = Image.fromarray(paint(k))
-            pictures.append(picture.quantize(COLOURS, dither=Image.Dither.NONE))
-            if progress is not None:
-                progress(k + 1, len(times))
-    with replacing(path) as scratch:
-        pace = round(100 / fps) * 10
-        pictures[0].save(scratch, format="GIF", save_all=True, append_images=pictures[1:], duration=pace, loop=0)
-    return Film(Path(path), len(times), note)

@@ -4,14 +4,13 @@ import json
 import secrets
 import socket
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from pathlib import Path
 from threading import BoundedSemaphore, Lock
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qs, urlsplit
 
 from robot_retarget.base.errors import RobotRetargetError, UsageError
@@ -19,6 +18,10 @@ from robot_retarget.collision.warn import warnings_of
 from robot_retarget.judge.report import Report
 from robot_retarget.tools.view.web.take import Viewer
 from robot_retarget.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from robot_retarget.edit.touchup import Session
+    from robot_retarget.tools.view.web.live import LiveRobot
 
 HOST = "127.0.0.1"
 """Only this machine is served; other machines connect through ssh."""
@@ -41,40 +44,6 @@ HEADERS = {
     "Cache-Control": "no-store",
 }
 """Of every answer: no page shows this one in a frame, no cache and no link keeps its address."""
-
-
-class Editor(Protocol):
-    """Edits the first take."""
-
-    @property
-    def trajectory(self) -> Trajectory:
-        """As it is now."""
-        ...
-
-    @property
-    def before(self) -> Trajectory | None:
-        """As it was before the latest edit."""
-        ...
-
-    def make(self, table: Mapping[str, Any], instead: bool = False) -> None:
-        """Make an edit, in place of the latest one if told so."""
-        ...
-
-    def undo(self) -> None:
-        """Undo the last edit."""
-        ...
-
-    def redo(self) -> None:
-        """Redo the last undone edit."""
-        ...
-
-    def save(self) -> tuple[Path, Path]:
-        """Write the edits and the trajectory."""
-        ...
-
-    def state(self) -> dict[str, Any]:
-        """Return the state of the edits for the page."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,37 +93,27 @@ class _Server(ThreadingHTTPServer):
             self._free.release()
 
 
-class Following(Protocol):
-    """Source of the latest pose."""
-
-    def state(self) -> dict[str, Any]:
-        """Return what a page says of the stream."""
-        ...
-
-    def record(self) -> dict[str, Any]:
-        """Begin a take, or end and write it; return which, for the page."""
-        ...
-
-    def next(self, seen: int, timeout: float) -> tuple[int, bytes] | None:
-        """Return the number of the latest pose and the pose, once the number differs from `seen`; None after `timeout` [s]."""
-        ...
-
-
 Judge = Callable[[Trajectory], Report]
 """Passes a verdict on a trajectory."""
 
 
 class EditServer:
-    """Answers requests for the page, for touch-ups and for verdicts on them, one at a time."""
+    """Answers requests for the page, for takes, for touch-ups and for verdicts on them, one at a time."""
 
-    def __init__(self, viewer: Viewer, editor: Editor | None, live: bool = False, judge: Judge | None = None):
-        self._viewer, self._editor, self._judge, self._lock = viewer, editor, judge, Lock()
-        self.page: bytes = viewer.page_with(editor is not None, live).encode()
+    def __init__(
+        self, viewer: Viewer, editor: "Session | None", following: "LiveRobot | None" = None, judge: Judge | None = None
+    ):
+        self._viewer, self._editor, self._following, self._judge, self._lock = viewer, editor, following, judge, Lock()
+        self.page: bytes = viewer.page_with(editor is not None, following is not None).encode()
 
     def act(self, what: str, content: bytes) -> tuple[HTTPStatus, str, bytes]:
         """Answer to a request: its status, type and content."""
         with self._lock:
             try:
+                if what == "record":
+                    if self._following is None:
+                        raise UsageError("only a live page records")
+                    return HTTPStatus.OK, "application/json", json.dumps(self._following.record()).encode()
                 if self._editor is None:
                     raise UsageError("touch-ups need the motion: open the viewer with it")
                 return self._done(what, self._editor, content)
@@ -164,7 +123,7 @@ class EditServer:
                 reason = f"a defect of robot-retarget: {type(error).__name__}: {error}"
                 return _refused(HTTPStatus.INTERNAL_SERVER_ERROR, reason)
 
-    def _done(self, what: str, editor: Editor, content: bytes) -> tuple[HTTPStatus, str, bytes]:
+    def _done(self, what: str, editor: "Session", content: bytes) -> tuple[HTTPStatus, str, bytes]:
         if what == "save":
             files = [str(path) for path in editor.save()]
             return HTTPStatus.OK, "application/json", json.dumps({"files": files}).encode()
@@ -207,23 +166,14 @@ def _bounded(table: Any) -> dict[str, Any]:
     return {**table, "at": [float(bound) for bound in at] if isinstance(at, list) else at}
 
 
-def _recorded(following: Following | None) -> tuple[HTTPStatus, str, bytes]:
-    try:
-        if following is None:
-            raise UsageError("only a live page records")
-        return HTTPStatus.OK, "application/json", json.dumps(following.record()).encode()
-    except RobotRetargetError as error:
-        return _refused(HTTPStatus.BAD_REQUEST, str(error))
-
-
 ACTS = ("edit", "undo", "redo", "save", "check", "judge", "record")
 
 
 def serve(
     viewer: Viewer,
     port: int = PORT,
-    editor: Editor | None = None,
-    following: Following | None = None,
+    editor: "Session | None" = None,
+    following: "LiveRobot | None" = None,
     judge: Judge | None = None,
 ) -> Served:
     """Open a port for a viewer; `forever` answers.
@@ -237,7 +187,7 @@ def serve(
     Raises:
         UsageError: the port is taken, or may not be used.
     """
-    edit_server = EditServer(viewer, editor, following is not None, judge)
+    edit_server = EditServer(viewer, editor, following, judge)
 
     token = secrets.token_urlsafe(16)
 
@@ -271,7 +221,7 @@ def serve(
             else:
                 self.send_error(HTTPStatus.NOT_FOUND)
 
-        def _send_poses(self, following: Following) -> None:
+        def _send_poses(self, following: "LiveRobot") -> None:
             """Send poses and the state of the stream as server-sent events until the page is closed."""
             self.send_response(HTTPStatus.OK)
             self.send_header("Content-Type", "text/event-stream")
@@ -296,7 +246,7 @@ def serve(
                 self.send_error(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"Content-Length is 0 to {LONGEST}")
             else:
                 content = self.rfile.read(int(length))
-                self._answer(*(_recorded(following) if what == "record" else edit_server.act(what, content)))
+                self._answer(*edit_server.act(what, content))
 
         def _answer(self, status: HTTPStatus, kind: str, content: bytes) -> None:
             self.send_response(status)

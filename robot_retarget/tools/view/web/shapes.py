@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -167,27 +168,15 @@ NEAR = 0.05
 """Pairs whose interaction distance is under this part of the robot's height are near."""
 
 
-@dataclass(frozen=True, eq=False)
-class Keypoints:
-    """K recognised points of a robot over T frames."""
-
-    names: tuple[str, ...]
-    points: Floats
-    """(T, K, 3) [m]."""
-    bones: Ints
-    """(B, 2)."""
-
-
-def keypoints_of(robot: Robot, qpos: Floats) -> Keypoints | None:
-    """The keypoints at configurations (T, nq); None for a robot that is no humanoid."""
+def keypoints_of(robot: Robot, qpos: Floats) -> tuple[tuple[str, ...], Floats, Ints] | None:
+    """Names (K), places (T, K, 3) [m] and bones (B, 2) of the keypoints at configurations (T, nq); None for a robot that is no humanoid."""
     try:
         anatomy = recognise(robot)
     except MatchError:
         return None
     names = anatomy.names
-    tree = parents_within(names)
-    bones = np.array([(names.index(child), names.index(parent)) for child, parent in tree.items()])
-    return Keypoints(names, world_points(robot, anatomy.points, qpos), bones.reshape(-1, 2))
+    bones = [(names.index(child), names.index(parent)) for child, parent in parents_within(names).items()]
+    return names, world_points(robot, anatomy.points, qpos), np.array(bones).reshape(-1, 2)
 
 
 def anchors(robot: Robot, qpos: Floats) -> Floats:
@@ -200,20 +189,6 @@ def anchors(robot: Robot, qpos: Floats) -> Floats:
     return found
 
 
-@dataclass(frozen=True, eq=False)
-class Foothold:
-    """A stance of one foot."""
-
-    foot: str
-    first: int
-    last: int
-    """Frames."""
-    outline: Floats
-    """(N, 2) of the sole points that carry, in the middle of that time [m]."""
-    height: float
-    """Mean of theirs [m]."""
-
-
 def outline(corners: Floats) -> Floats:
     """The convex hull (N, 2) of points (M, 2), anticlockwise; points without an interior are returned unchanged [m]."""
     try:
@@ -222,17 +197,23 @@ def outline(corners: Floats) -> Floats:
         return corners
 
 
-def footholds(stance: Stance, fps: float) -> list[Foothold]:
-    """Every stretch of a foot on the floor, by feet, in order of time; `stance` at times of frames."""
+def footholds(stance: Stance) -> list[dict[str, Any]]:
+    """Every stretch of a foot on the floor, by feet, in order of time: frames, and outline and height of the sole points that carry [m].
+
+    Args:
+        stance: at times of frames; what carries is that of the middle of a stretch.
+    """
     found = []
     for k, name in enumerate(stance.feet.names):
-        mine = stance.feet.owner == k
         for first, last in runs(stance.touching[:, k]):
             middle = (first + last) // 2
-            carrying = mine & stance.down[middle]
-            if carrying.any():
-                points = stance.points[middle, carrying]
-                found.append(Foothold(name, first, last, outline(points[:, :2]), float(points[:, 2].mean())))
+            points = stance.points[middle, (stance.feet.owner == k) & stance.down[middle]]
+            if len(points):
+                place = {
+                    "outline": outline(points[:, :2]).round(4).tolist(),
+                    "height": round(float(points[:, 2].mean()), 4),
+                }
+                found.append({"foot": name, "first": first, "last": last} | place)
     return found
 
 
@@ -242,18 +223,10 @@ def runs(flags: np.ndarray) -> Iterator[tuple[int, int]]:
     return zip(np.flatnonzero(edge == 1).tolist(), (np.flatnonzero(edge == -1) - 1).tolist(), strict=True)
 
 
-@dataclass(frozen=True, eq=False)
-class NearestPairs:
-    """The P pairs of links that come nearest, over T frames."""
+def near_pairs(staging: Staging, warnings: Warnings) -> tuple[Ints, Floats]:
+    """The pairs of links that come near (P,), as columns of the warnings, and the nearest points (T, P, 2, 3) of their surfaces [m].
 
-    columns: Ints
-    """(P,) their places in the warnings."""
-    ends: Floats
-    """(T, P, 2, 3) the nearest points of their surfaces, NaN if they are far apart [m]."""
-
-
-def near_pairs(staging: Staging, warnings: Warnings) -> NearestPairs:
-    """Where the surfaces of pairs that come near are nearest to each other, by MuJoCo's distance of geoms.
+    Distances are MuJoCo's of geoms; points are NaN where a pair is far apart.
 
     Pairs that are near most of the time are neighbours by construction; they are shown during warnings only.
 
@@ -278,7 +251,7 @@ def near_pairs(staging: Staging, warnings: Warnings) -> NearestPairs:
         for p in np.flatnonzero(shown[t, columns]).tolist():
             first, second = warnings.pairs[columns[p]]
             ends[t, p] = _nearest(model, data, geoms[first], geoms[second])
-    return NearestPairs(columns, ends)
+    return columns, ends
 
 
 def _nearest(model: mujoco.MjModel, data: mujoco.MjData, first: list[int], second: list[int]) -> Floats:

@@ -158,7 +158,7 @@ def take_header(take: "Take", packer: Packer) -> dict[str, Any]:
         "human": _human(take, staging, packer) if figure else None,
         "keypoints": _keypoints(robot, staging.qpos, packer),
         "joints": _joints(take, packer),
-        "stance": _stance(stance, trajectory.fps, packer) if stance else None,
+        "stance": _stance(stance, packer) if stance else None,
         "warnings": _warnings(take, staging, packer) if take.warnings else None,
         "stress": stress_of(take.solution, packer) if take.solution else None,
         "before": packer.add(poses(robot, take.before.qpos, shapes), TURN) if take.before else None,
@@ -237,7 +237,8 @@ def _keypoints(robot: Robot, qpos: Floats, packer: Packer) -> dict[str, Any] | N
     found = keypoints_of(robot, qpos)
     if found is None:
         return None
-    return {"names": list(found.names), "points": packer.add(found.points, LENGTH), "bones": found.bones.tolist()}
+    names, points, bones = found
+    return {"names": list(names), "points": packer.add(points, LENGTH), "bones": bones.tolist()}
 
 
 def _joints(take: "Take", packer: Packer) -> dict[str, Any]:
@@ -255,22 +256,13 @@ def _joints(take: "Take", packer: Packer) -> dict[str, Any]:
     }
 
 
-def _stance(stance: Stance, fps: float, packer: Packer) -> dict[str, Any]:
+def _stance(stance: Stance, packer: Packer) -> dict[str, Any]:
     """Footholds and contact schedule by foot; support, centre of mass and zero moment point by frame."""
     outlines = [outline(points[down, :2]) for points, down in zip(stance.points, stance.down, strict=True)]
     return {
         "feet": list(stance.feet.names),
         "schedule": [list(runs(touching)) for touching in stance.touching.T],
-        "footholds": [
-            {
-                "foot": hold.foot,
-                "first": hold.first,
-                "last": hold.last,
-                "outline": hold.outline.round(4).tolist(),
-                "height": round(hold.height, 4),
-            }
-            for hold in footholds(stance, fps)
-        ],
+        "footholds": footholds(stance),
         "counts": packer.add([len(corners) for corners in outlines]),
         "outlines": packer.add(np.concatenate(outlines) if outlines else np.zeros((0, 2)), LENGTH),
         "com": packer.add(stance.com, LENGTH),
@@ -284,11 +276,10 @@ def _warnings(take: "Take", staging: Staging, packer: Packer) -> dict[str, Any]:
     """The nearest pairs by frame, and every warning as a stretch."""
     warnings = take.warnings
     assert warnings is not None
-    near = near_pairs(staging, warnings)
-    columns = near.columns
+    columns, ends = near_pairs(staging, warnings)
     return {
         "pairs": [" – ".join(warnings.pairs[column]) for column in columns.tolist()],
-        "ends": packer.add(near.ends, LENGTH),
+        "ends": packer.add(ends, LENGTH),
         "now": packer.add(warnings.distance[:, columns], LENGTH),
         "ahead": packer.add(warnings.ahead[:, columns], LENGTH),
         "alpha": packer.add(warnings.alpha[:, columns], COARSE),
