@@ -56,7 +56,6 @@ LIBRARIES = {
     "jinja2": ("base/pages.py",),
     "ray": ("tools/batch/pool.py",),
     "pyarrow": ("base/untrusted/tables.py",),
-    "pythonosc": ("live/send.py",),
     "matplotlib": ("tools/view/",),
     "ezc3d": ("human/readers/c3d_child.py",),
     "fast_simplification": ("tools/view/web/",),

@@ -1,12 +1,11 @@
 """Open a source by its name."""
 
-import importlib.util
 import ipaddress
 import socket
 from collections.abc import Callable
 from pathlib import Path
 
-from robot_retarget.base.errors import UsageError, install_line
+from robot_retarget.base.errors import UsageError
 from robot_retarget.human.read import read_motion
 from robot_retarget.live.frame import FaultCounter
 from robot_retarget.live.headsets import HEADSETS, HeadsetSource
@@ -63,16 +62,6 @@ def opened(
     if sender:
         raise UsageError("--sender needs --port")
     return Receiver(StdinPort(), LineDecoder(faults), faults)
-
-
-def require_osc() -> None:
-    """Check that python-osc, which sends VMC, is installed.
-
-    Raises:
-        UsageError: it is not installed.
-    """
-    if importlib.util.find_spec("pythonosc") is None:
-        raise UsageError(f"--send needs python-osc: {install_line('live')}")
 
 
 def _udp(port: int, host: str, faults: FaultCounter, sender: str, say: Callable[[str], None]) -> UdpPort:

@@ -15,6 +15,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from perform import send
 
 import robot_retarget as rr
 from robot_retarget.actuators.goals import RATE
@@ -24,7 +25,6 @@ from robot_retarget.live.frame import FaultCounter
 from robot_retarget.live.loop import LivePose, Loop
 from robot_retarget.live.ports import UdpPort
 from robot_retarget.live.receiver import Receiver
-from robot_retarget.live.send import send
 from robot_retarget.live.sinks import ServoSink, run_servos
 from robot_retarget.live.vmc import VmcDecoder
 from robot_retarget.servo.play import emulator_process

@@ -257,12 +257,13 @@ iyz="0"/></inertial><collision><geometry><box size=".1 .1 .1"/></geometry></coll
 
 def live_target(folder: Path, more: list[Path]) -> Target:
     """Packets of performers: VMC, lines of JSON."""
+    from perform import PROTOCOLS
+
     from robot_retarget.base.files import SAMPLES
     from robot_retarget.human.read import read_motion
     from robot_retarget.live.frame import FaultCounter, RefusedError
     from robot_retarget.live.messages import LineDecoder
     from robot_retarget.live.receiver import Decoder
-    from robot_retarget.live.send import PROTOCOLS
     from robot_retarget.live.vmc import VmcDecoder
 
     motion = read_motion(SAMPLES / "wave.bvh").frames(0, 4)

@@ -7,6 +7,7 @@ from threading import Event, Thread
 from typing import Any
 
 import numpy as np
+from perform import send
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.files import SAMPLES
@@ -17,7 +18,6 @@ from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.live.frame import FaultCounter
 from robot_retarget.live.ports import Packet, UdpPort
 from robot_retarget.live.receiver import Decoder, Receiver
-from robot_retarget.live.send import send
 from robot_retarget.robot import Robot
 from robot_retarget.solver.stream import StreamPose as Answer
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from perform import PROTOCOLS
 from performers import HOST, Said, Script, Swing, clip, frames_for, listening, performing
 
 from robot_retarget.live.frame import Fault, FaultCounter, Frame, RefusedError, SenderClock
@@ -19,7 +20,6 @@ from robot_retarget.live.messages import LineDecoder, line_of, skeleton_line
 from robot_retarget.live.open import opened
 from robot_retarget.live.ports import NEWEST, Packet, UdpPort
 from robot_retarget.live.receiver import Decoder, Receiver
-from robot_retarget.live.send import PROTOCOLS
 from robot_retarget.live.vmc import VmcDecoder
 from robot_retarget.robot import load_robot
 

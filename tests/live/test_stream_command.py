@@ -7,7 +7,8 @@ from pathlib import Path
 
 import forked
 import pytest
-from performers import HOST
+from perform import send
+from performers import HOST, clip
 
 from robot_retarget.base.files import SAMPLES
 
@@ -21,7 +22,7 @@ def run(*words: str) -> subprocess.CompletedProcess[str]:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ((), "needs --robot"),
+        ((), "--robot"),
         (("--robot", "op3", "--to", "mars"), "known: stdout, view, mujoco, servos"),
         (("--robot", "op3", "--from", "nowhere.bvh"), "neither a motion file nor one of vmc, json"),
         (("--robot", "op3", "--from", WAVE, "--port", "9"), "--port applies to received frames"),
@@ -30,9 +31,6 @@ def run(*words: str) -> subprocess.CompletedProcess[str]:
         (("--robot", "op3", "--from", WAVE, "--sender", HOST), "--sender applies to received frames"),
         (("--robot", "op3", "--from", "json", "--sender", HOST), "--sender needs --port"),
         (("--robot", "op3", "--port", "0", "--sender", "no.such.name.invalid"), "--sender no.such.name.invalid"),
-        (("--send", WAVE), "is no target"),
-        (("--send", WAVE, "--to", "vmc://127.0.0.1", "--speed", "0"), "--speed must be positive"),
-        (("--send", "nowhere.bvh", "--to", "vmc://127.0.0.1"), "no such file"),
     ],
 )
 def test_a_mistake_is_named_and_ends_with_2(words: tuple[str, ...], said: str) -> None:
@@ -66,10 +64,7 @@ def test_without_a_sender_a_stream_ends_after_its_seconds_and_says_so(words: tup
 def test_the_sender_sends_in_real_time_and_says_how_much() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ear:
         ear.bind((HOST, 0))
-        target = f"json://{HOST}:{ear.getsockname()[1]}"
-        done = run("--send", WAVE, "--to", target, "--fps", "50", "--seconds", "1", "--json")
-        assert done.returncode == 0
-        figures = json.loads(done.stdout)
+        figures = send(clip(fps=50), f"json://{HOST}:{ear.getsockname()[1]}", seconds=1.0)
         ear.settimeout(1.0)
         assert b"skeleton" in ear.recv(1 << 16)
     assert figures["frames"] == pytest.approx(50, abs=5) and figures["seconds"] == pytest.approx(1.0, abs=0.2)

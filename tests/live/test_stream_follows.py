@@ -90,7 +90,7 @@ def test_frames_over_udp_at_60_hz_are_answered_in_order_and_within_limits() -> N
     port = free_port()
     receiver = started("--host", HOST, "--port", str(port), "--seconds", "3", "--json")
     sender = subprocess.Popen(
-        [sys.executable, "-m", "robot_retarget", "stream", "--send", str(SAMPLES / "walk.bvh"), "--to", f"vmc://{HOST}:{port}",
+        [sys.executable, "scripts/bench/perform.py", str(SAMPLES / "walk.bvh"), f"vmc://{HOST}:{port}",
          "--fps", "60", "--seconds", "60"], cwd=ROOT, stderr=subprocess.DEVNULL,
     )  # fmt: skip
     try:

@@ -221,14 +221,6 @@ def test_a_dry_run_writes_nothing_and_says_how_much_is_to_do(clips: Path, tmp_pa
     assert facts == {"tasks": 3, "kept": 0, "outdated": 0}
 
 
-def test_licence_and_source_come_from_a_table_or_a_file_beside_the_clip(tmp_path: Path) -> None:
-    clips = cut_clips(tmp_path, ("wave", "walk"))
-    (clips / "manifest.csv").write_text("file,licence,source\nwave.bvh,CC-BY-4.0,set 7\n")
-    (clips / "walk.bvh.json").write_text('{"license": "MIT", "id": "w1"}')
-    said = {clip.name: (clip.licence, clip.source) for clip in find_clips([clips])}
-    assert said == {"wave": ("CC-BY-4.0", "set 7"), "walk": ("MIT", "w1")}
-
-
 def test_a_format_that_is_asked_for_later_is_written_without_solving_again(
     clips: Path, done: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from shared_files import ROOT
-from small_batches import cut_clips, job_of, pretend, rows_of, run
+from small_batches import cut_clips, job_of, pretend, run
 from typer.testing import CliRunner
 
 from robot_retarget.base.errors import UsageError
@@ -84,14 +84,6 @@ def test_a_changed_skeleton_beside_an_amc_is_seen(tmp_path: Path) -> None:
     run(job, pretend)
     (folder / "02.asf").write_text(":version 1.20\n")
     assert todo(job) == ["02_01"]
-
-
-def test_a_changed_licence_is_taken_over_without_work(clips: Path, tmp_path: Path) -> None:
-    job = job_of(clips, tmp_path / "out")
-    run(job, pretend)
-    (clips / "wave.bvh.json").write_text('{"licence": "CC-BY-4.0"}')
-    assert todo(job) == []
-    assert {row.clip: row.licence for row in rows_of(job.out)} == {"wave": "CC-BY-4.0", "walk": "", "clap": ""}
 
 
 def test_linked_folders_are_followed_once(clips: Path, tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ DEFECTIVE = """
 import sys
 from robot_retarget.tools.cli import main
 def fail(*_, **__): raise ZeroDivisionError("float division by zero\\nand more")
-sys.modules["robot_retarget.tools.cli.info"].load = fail
+sys.modules["robot_retarget.tools.cli.options"].load = fail
 main()
 """
 
@@ -152,7 +152,6 @@ def test_ctrl_c_while_a_command_loads_leaves_no_traceback(after: float, tmp_path
         ("fcntl", f"batch {WAVE.parent} --robot op3 --out out --dry-run", "this command needs Linux: Python has no module 'fcntl'"),
         ("resource", f"batch {WAVE.parent} --robot op3 --out out", "this command needs Linux: Python has no module 'resource'"),
         ("termios", "servos scan --port /dev/null", "this command needs Linux: Python has no module 'termios'"),
-        ("pythonosc", f"stream --send {WAVE} --to vmc://127.0.0.1:39539", "--send needs python-osc: "),
     ],
 )  # fmt: skip
 def test_what_this_system_lacks_is_named(missing: str, words: str, sentence: str, tmp_path: Path) -> None:

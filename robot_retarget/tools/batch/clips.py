@@ -1,7 +1,5 @@
 """The clips below some folders: every file that a reader of motions knows."""
 
-import csv
-import json
 import os
 from collections import Counter
 from collections.abc import Iterable, Iterator
@@ -14,10 +12,8 @@ from robot_retarget.human.capture import FileHeader
 from robot_retarget.human.readers.table import FORMATS, format_of
 from robot_retarget.trajectory import KEYS
 
-LICENCE_WORDS = ("licence", "license")
-SOURCE_WORDS = ("source", "source_id", "id", "repo", "url")
 SIDE_TABLES = ("manifest.csv", "metadata.csv", "licences.csv")
-"""Tables of a folder that may say licence and source of its files, by a column `file` or `path`."""
+"""Tables of a folder about its files."""
 
 
 @dataclass(frozen=True)
@@ -27,8 +23,6 @@ class MotionFile:
     path: Path
     name: str
     """Its path below its folder, without the suffix: the name of its outputs."""
-    licence: str = ""
-    source: str = ""
     beside: tuple[Path, ...] = ()
     """Other files that its reader opens."""
 
@@ -78,7 +72,6 @@ def _files_below(folder: Path) -> Iterator[Path]:
 
 def _named(found: list[tuple[Path, Path]]) -> Iterator[MotionFile]:
     bare = Counter(_name(root, path) for root, path in found)
-    tables = {root: dict(_side_table(root)) for root in {root for root, _ in found}}
     taken: dict[str, Path] = {}
     for root, path in found:
         name = _name(root, path)
@@ -89,8 +82,7 @@ def _named(found: list[tuple[Path, Path]]) -> Iterator[MotionFile]:
                 f"two clips of one name, {name}: {taken[name]} and {path}; leave one out with --exclude, or give their common folder"
             )
         taken[name] = path
-        licence, source = _side_file(path) or tables[root].get(path.relative_to(root).as_posix(), ("", ""))
-        yield MotionFile(path, name, licence, source, format_of(path).beside(path))
+        yield MotionFile(path, name, format_of(path).beside(path))
 
 
 def _name(root: Path, path: Path) -> str:
@@ -121,28 +113,3 @@ def _is_motion(path: Path) -> bool:
 def _describes(path: Path) -> bool:
     """Whether a JSON file describes the file of the same name without `.json`."""
     return path.suffix.lower() == ".json" and path.with_suffix("").is_file()
-
-
-def _side_file(path: Path) -> tuple[str, str] | None:
-    """Licence and source from `CLIP.bvh.json`, if it exists."""
-    try:
-        facts = json.loads(path.with_name(f"{path.name}.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    return _terms(facts) if isinstance(facts, dict) else None
-
-
-def _side_table(root: Path) -> Iterator[tuple[str, tuple[str, str]]]:
-    """(path below the folder, (licence, source)) from the tables of a folder and its parent."""
-    for table in (folder / name for folder in (root.parent, root) for name in SIDE_TABLES):
-        if table.is_file():
-            with table.open(encoding="utf-8", errors="replace", newline="") as file:
-                for row in csv.DictReader(file):
-                    yield (row.get("file") or row.get("path") or "", _terms(row))
-
-
-def _terms(facts: dict[str, str]) -> tuple[str, str]:
-    lower = {str(key).lower(): str(value) for key, value in facts.items() if value}
-    first = (next((lower[word] for word in words if word in lower), "") for words in (LICENCE_WORDS, SOURCE_WORDS))
-    licence, source = first
-    return licence, source

@@ -123,7 +123,7 @@ def _histogram(rows: Sequence[Row], name: str) -> dict[str, object] | None:
 
 # The results as a table: `summary.csv`.
 
-FACTS = ("robot", "clip", "state", "message", "frames", "fps", "licence", "source", "path", "output_sha256")
+FACTS = ("robot", "clip", "state", "message", "frames", "fps", "path", "output_sha256")
 
 
 def save_csv(rows: Iterable[Row], path: Path) -> Path:

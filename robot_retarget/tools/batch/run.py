@@ -97,7 +97,7 @@ def plan_of(job: Job, manifest: Manifest) -> RunPlan:
             digests[robot, clip.name] = digest
             task = Task(str(clip.path), clip.name, name, robot, digest, str(job.out), job.settings)
             row = there.get((robot, clip.name))
-            stays = row and row.digest == digest and _is_kept(row, clip, task, job.retry, manifest)
+            stays = row and row.digest == digest and _is_kept(row, task, job.retry, manifest)
             lacks = row and row.state == DONE and not all(place.is_file() for *_, place in task.further())
             if clip.name not in own or (stays and not lacks):
                 continue
@@ -120,7 +120,8 @@ def perform_all(
         if outcome.state == UNWRITABLE:
             trouble.append(outcome.message)
             return
-        manifest.put(_row(outcome, plan.clips[outcome.clip]))
+        row = Row(**{name: getattr(outcome, name) for name in COLUMNS})
+        manifest.put(replace(row, path=str(plan.clips[outcome.clip].path)))
         manifest.time(outcome)
         report(outcome)
 
@@ -144,21 +145,8 @@ def _require_distinct_images(clips: Sequence[MotionFile], settings: Settings) ->
             )
 
 
-def _is_kept(row: Row, clip: MotionFile, task: Task, retry: tuple[str, ...], manifest: Manifest) -> bool:
-    """Whether a row stays: a failure that is not retried, or an output that is as it was written.
-
-    The facts of the clip that do not change its output, licence, source and place, are brought up to date.
-    """
+def _is_kept(row: Row, task: Task, retry: tuple[str, ...], manifest: Manifest) -> bool:
+    """Whether a row stays: a failure that is not retried, or an output that is as it was written."""
     if row.state != DONE:
         return row.state not in retry
-    if not task.output.is_file() or manifest.sha256(task.output) != row.output_sha256:
-        return False
-    now = replace(row, path=str(clip.path), licence=clip.licence, source=clip.source)
-    if now != row:
-        manifest.put(now)
-    return True
-
-
-def _row(outcome: TaskResult, clip: MotionFile) -> Row:
-    common = {name: getattr(outcome, name) for name in COLUMNS}
-    return replace(Row(**common), path=str(clip.path), licence=clip.licence, source=clip.source)
+    return task.output.is_file() and manifest.sha256(task.output) == row.output_sha256

@@ -161,8 +161,6 @@ class Row:
     figures: dict[str, Any] = field(default_factory=dict)
     output_sha256: str = ""
     path: str = ""
-    licence: str = ""
-    source: str = ""
 
     @property
     def key(self) -> tuple[str, str]:

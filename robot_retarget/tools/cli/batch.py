@@ -11,19 +11,8 @@ import typer
 from robot_retarget.base.choices import Balance
 from robot_retarget.base.errors import OutputError, UsageError, known
 from robot_retarget.tools.cli import console
+from robot_retarget.tools.cli import options as opt
 from robot_retarget.tools.cli.command import argument, command, option, options
-from robot_retarget.tools.cli.options import (
-    BALANCE,
-    OUT,
-    FollowOptions,
-    FreezeOptions,
-    LimitOptions,
-    MapOptions,
-    PartOptions,
-    PrintOptions,
-    RateOptions,
-    StandOptions,
-)
 
 if TYPE_CHECKING:
     from robot_retarget.tools.batch.filters import Chosen, Filter
@@ -35,11 +24,19 @@ RETRIES = ("failed", "timeout", "memory", "crashed")
 
 
 @options
-class BatchOptions(FollowOptions, FreezeOptions, LimitOptions, RateOptions, MapOptions, PartOptions, StandOptions):
+class BatchOptions(
+    opt.FollowOptions,
+    opt.FreezeOptions,
+    opt.LimitOptions,
+    opt.RateOptions,
+    opt.MapOptions,
+    opt.PartOptions,
+    opt.StandOptions,
+):
     """Which clips are retargeted onto which robots, how, and where the results go."""
 
     folders: list[Path] = argument("Folders of motions; or merge, and folders of results.")
-    out: Path = option("Folder for the results; running again continues.", *OUT)
+    out: Path = option("Folder for the results; running again continues.", *opt.OUT)
     robot: list[str] | None = option("As for solve; several --robot for several robots.", "--robot", "-r", default=None)
     include: list[str] | None = option("Pattern of paths below a folder, such as '*walk*'.", default=None)
     exclude: list[str] | None = option("Pattern of paths to leave out.", default=None)
@@ -58,7 +55,7 @@ class BatchOptions(FollowOptions, FreezeOptions, LimitOptions, RateOptions, MapO
     mirror: bool = option("Write the mirror image of every trajectory too.", "--mirror", default=False)
     filter_file: Path | None = option("TOML file of thresholds; by default the shipped ones.", "--filter", default=None)
     pictures: int = option("Number of clips to draw that are left out, and that pass.", default=2, min=0)
-    balance: Balance = option(BALANCE, default="off")
+    balance: Balance = option(opt.BALANCE, default="off")
 
     def settings(self) -> "Settings":
         """Return what determines the outputs."""
@@ -89,7 +86,7 @@ class BatchOptions(FollowOptions, FreezeOptions, LimitOptions, RateOptions, MapO
 @command(
     epilog="Example: robot-retarget batch mocap --robot op3 --out set; robot-retarget batch merge set_1 set_2 --out set",
 )
-def batch(how: BatchOptions, printing: PrintOptions) -> None:
+def batch(how: BatchOptions, printing: opt.PrintOptions) -> None:
     """Retarget and score every motion below some folders.
 
     A manifest lets a stopped run continue.
@@ -163,7 +160,7 @@ def _plan_line(plan: "RunPlan") -> str:
     return f"{plan.total} clips × robots: {plan.kept} finished, {len(plan.tasks)} to do{anew}"
 
 
-def _show(job: "Job", ended: "RunSummary", chosen: "list[Chosen]", printing: PrintOptions) -> None:
+def _show(job: "Job", ended: "RunSummary", chosen: "list[Chosen]", printing: opt.PrintOptions) -> None:
     if printing.json:
         failures = [{"robot": r.robot, "clip": r.clip, "state": r.state, "message": r.message} for r in ended.failures]
         passed = {one.filter.name: len(one.passed) for one in chosen}
@@ -179,7 +176,7 @@ def _show(job: "Job", ended: "RunSummary", chosen: "list[Chosen]", printing: Pri
     console.say(f"wrote summary.html, summary.csv, index.jsonl and lists/ in {job.out}")
 
 
-def _merge(parts: list[Path], out: Path, printing: PrintOptions) -> None:
+def _merge(parts: list[Path], out: Path, printing: opt.PrintOptions) -> None:
     from robot_retarget.tools.batch.manifest import merge
 
     if not parts:

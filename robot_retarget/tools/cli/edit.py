@@ -3,33 +3,17 @@
 from collections.abc import Callable
 from pathlib import Path
 from shutil import rmtree
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
-from robot_retarget.base.errors import UsageError
+import robot_retarget as rr
+from robot_retarget.base.errors import BalanceError, UsageError
+from robot_retarget.tools.cli import options as opt
 from robot_retarget.tools.cli.command import app, argument, command, option, options
 from robot_retarget.tools.cli.console import progress
-from robot_retarget.tools.cli.options import (
-    BalancedOptions,
-    ForceOptions,
-    FreezeOptions,
-    MapOptions,
-    OutputOptions,
-    PrintOptions,
-    ReadOptions,
-    RobotOptions,
-    ServoOptions,
-    TrajectoryOptions,
-)
 from robot_retarget.tools.cli.run import require_source, save_judged
 from robot_retarget.tools.cli.solve import SolvedOptions
-
-if TYPE_CHECKING:
-    from robot_retarget.base.errors import BalanceError
-    from robot_retarget.judge.report import Report
-    from robot_retarget.solver.pipeline import Result
-    from robot_retarget.trajectory import Trajectory
 
 edit: typer.Typer = typer.Typer(
     no_args_is_help=True, rich_markup_mode=None, help="Join, loop, splice, retime, mirror, cut, mend trajectories."
@@ -38,25 +22,23 @@ app.add_typer(edit, name="edit")
 
 
 @options
-class SequenceOptions(SolvedOptions, BalancedOptions, RobotOptions):
+class SequenceOptions(SolvedOptions, opt.BalancedOptions, opt.RobotOptions):
     """The robot, its balance, and the trajectory to write."""
 
     def make(
         self,
         paths: list[Path],
-        printing: PrintOptions,
-        solve: "Callable[..., Result] | None" = None,
+        printing: opt.PrintOptions,
+        solve: "Callable[..., rr.Result] | None" = None,
         **how: Any,
     ) -> None:
         """Read trajectories, solve them as one and write it."""
-        from robot_retarget.edit.sequence import sequence
-        from robot_retarget.formats import load_trajectory
 
         self.require_writable()
         model = self.load()
-        clips = [load_trajectory(path, model) for path in paths]
+        clips = [rr.load_trajectory(path, model) for path in paths]
         with progress() as begin:
-            result = (solve or sequence)(clips, robot=model, balance=self.balance, progress=begin("solve"), **how)
+            result = (solve or rr.sequence)(clips, robot=model, balance=self.balance, progress=begin("solve"), **how)
         self.save(result.trajectory, result, printing)
 
 
@@ -81,7 +63,7 @@ def join(
     trajectories: Annotated[list[Path], typer.Argument(help="Motions of the robot, in any format that import reads.")],
     to: SequenceOptions,
     seam: SeamOptions,
-    printing: PrintOptions,
+    printing: opt.PrintOptions,
     at: Annotated[
         list[str] | None,
         typer.Option(
@@ -103,7 +85,7 @@ def loop(
     motion: MotionOptions,
     to: SequenceOptions,
     seam: SeamOptions,
-    printing: PrintOptions,
+    printing: opt.PrintOptions,
     times: Annotated[int, typer.Option(min=2, help="Number of repetitions.")] = 2,
     at: Annotated[
         str | None, typer.Option(help="LEAVE:ENTER [s] of the repeated part; by default the end and the beginning.")
@@ -121,7 +103,7 @@ def loop(
 def retime(
     motion: MotionOptions,
     to: SequenceOptions,
-    printing: PrintOptions,
+    printing: opt.PrintOptions,
     speed: Annotated[float, typer.Option(help="Factor of the speed; the limits of joints and of balance stay.")],
 ) -> None:
     """Solve a trajectory at another speed."""
@@ -135,20 +117,19 @@ def splice(
     legs: Annotated[Path, typer.Option(help="The motion of legs, trunk and head, in any format that import reads.")],
     arms: Annotated[Path, typer.Option(help="The motion of the arms.")],
     to: SequenceOptions,
-    printing: PrintOptions,
+    printing: opt.PrintOptions,
 ) -> None:
     """Solve the legs of one trajectory with the arms of another."""
-    from robot_retarget.edit.sequence import splice as spliced
 
-    to.make([legs, arms], printing, lambda clips, **how: spliced(clips[0], clips[1], **how))
+    to.make([legs, arms], printing, lambda clips, **how: rr.splice(clips[0], clips[1], **how))
 
 
 @command(group=edit, epilog="Example: robot-retarget edit stops out/trajectory.npz --robot op3 --every 0.5")
 def stops(
-    source: TrajectoryOptions,
-    robot: RobotOptions,
-    on: ServoOptions,
-    printing: PrintOptions,
+    source: opt.TrajectoryOptions,
+    robot: opt.RobotOptions,
+    on: opt.ServoOptions,
+    printing: opt.PrintOptions,
     every: Annotated[float, typer.Option(min=0.1, help="Time between two moments [s].")] = 1.0,
     draws: Annotated[int, typer.Option(min=0, help="Drawn simulations of each way, as in simulate.")] = 10,
 ) -> None:
@@ -159,9 +140,8 @@ def stops(
     from robot_retarget.base.files import replacing_folder
     from robot_retarget.edit.cuts import ways_into_stand
     from robot_retarget.servo.judgement import FOLDER
-    from robot_retarget.trajectory import load_trajectory
 
-    model, played = robot.load(on.servos), load_trajectory(source.trajectory)
+    model, played = robot.load(on.servos), rr.load_trajectory(source.trajectory)
     place, found = source.trajectory.parent / FOLDER, list[dict[str, Any]]()
     with replacing_folder(place) as scratch, progress() as begin:
         begin("ways into a stand")
@@ -176,10 +156,8 @@ def stops(
         raise typer.Exit(1)
 
 
-def _saved(outcome: "Report | BalanceError", time: float, folder: Path) -> dict[str, Any]:
+def _saved(outcome: "rr.Report | BalanceError", time: float, folder: Path) -> dict[str, Any]:
     """Write a way into a stand with its report; return its verdict."""
-    from robot_retarget.base.errors import BalanceError
-
     if isinstance(outcome, BalanceError) or outcome.trajectory is None:
         return {"verdict": "none", "reasons": [str(outcome)]}
     folder.mkdir(parents=True)
@@ -189,32 +167,32 @@ def _saved(outcome: "Report | BalanceError", time: float, folder: Path) -> dict[
 
 
 @command(group=edit, epilog="Example: robot-retarget edit mirror wave.npz --robot op3 -o left.npz")
-def mirror(source: TrajectoryOptions, robot: RobotOptions, to: OutputOptions, printing: PrintOptions) -> None:
+def mirror(
+    source: opt.TrajectoryOptions, robot: opt.RobotOptions, to: opt.OutputOptions, printing: opt.PrintOptions
+) -> None:
     """Exchange left and right. The result is not simulated."""
     from robot_retarget.edit.cuts import mirrored
-    from robot_retarget.formats import load_trajectory
 
     model = robot.load()
-    _write(mirrored(load_trajectory(source.trajectory, model), model), to.output, printing)
+    _write(mirrored(rr.load_trajectory(source.trajectory, model), model), to.output, printing)
 
 
 @command(group=edit, epilog="Example: robot-retarget edit cut walk.npz --robot op3 --trim 1:3.5 -o part.npz")
 def cut(
-    source: TrajectoryOptions,
-    robot: RobotOptions,
-    to: OutputOptions,
-    printing: PrintOptions,
+    source: opt.TrajectoryOptions,
+    robot: opt.RobotOptions,
+    to: opt.OutputOptions,
+    printing: opt.PrintOptions,
     trim: Annotated[str, typer.Option(help="Keep START:STOP [s].")],
 ) -> None:
     """Keep a part of a trajectory. The result is not simulated."""
     from robot_retarget.edit.cuts import trimmed
-    from robot_retarget.formats import load_trajectory
 
-    whole = load_trajectory(source.trajectory, robot.load())
+    whole = rr.load_trajectory(source.trajectory, robot.load())
     _write(trimmed(whole, *_span("--trim", trim, 0.0, whole.duration)), to.output, printing)
 
 
-def _write(made: "Trajectory", output: Path, printing: PrintOptions) -> None:
+def _write(made: "rr.Trajectory", output: Path, printing: opt.PrintOptions) -> None:
     from robot_retarget.base.files import require_writable
 
     require_writable(output)
@@ -236,7 +214,7 @@ def _span(option: str, text: str, *ends: float) -> tuple[float, float]:
 
 
 @options
-class MendOptions(ForceOptions, MapOptions, ReadOptions, OutputOptions, TrajectoryOptions):
+class MendOptions(opt.ForceOptions, opt.MapOptions, opt.ReadOptions, opt.OutputOptions, opt.TrajectoryOptions):
     """A trajectory, the clip it came from, and its edits."""
 
     motion: Path = option("The clip it came from.")
@@ -247,17 +225,16 @@ class MendOptions(ForceOptions, MapOptions, ReadOptions, OutputOptions, Trajecto
     group=edit,
     epilog="Example: robot-retarget edit mend dance.npz -r op3 --motion dance.bvh --edges EDITS.toml -o mended.npz",
 )
-def mend(edited: MendOptions, robot: RobotOptions, frozen: FreezeOptions, printing: PrintOptions) -> None:
+def mend(edited: MendOptions, robot: opt.RobotOptions, frozen: opt.FreezeOptions, printing: opt.PrintOptions) -> None:
     """Solve the frames around each edit again, as `view` does. Exit code 1 if a hard edge of the file is not met."""
     from robot_retarget.base.files import require_writable
     from robot_retarget.edit.touchup import apply_edits, graph_of
-    from robot_retarget.formats import load_trajectory
     from robot_retarget.graph.edits import read_edits
     from robot_retarget.solver.solution import unmet_of_user
 
     require_writable(edited.output)
     model, edits = frozen.of(robot.load()), read_edits(edited.edges)
-    played, clip = load_trajectory(edited.trajectory, model), edited.read(edited.motion)
+    played, clip = rr.load_trajectory(edited.trajectory, model), edited.read(edited.motion)
     require_source(played, clip, edited.force)
     made, outcomes = apply_edits(graph_of(clip, model, played, edited.map_file), played, edits)
     made.save(edited.output)

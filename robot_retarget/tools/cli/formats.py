@@ -5,20 +5,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import robot_retarget as rr
 from robot_retarget.tools.cli import console
+from robot_retarget.tools.cli import options as opt
 from robot_retarget.tools.cli.command import argument, command, option, options
-from robot_retarget.tools.cli.options import (
-    OUT,
-    OutputOptions,
-    PrintOptions,
-    RobotOptions,
-    StandOptions,
-    TrajectoryOptions,
-)
 
 if TYPE_CHECKING:
     from robot_retarget.formats import FormatOptions
-    from robot_retarget.trajectory import Trajectory
 
 
 def _list(wanted: bool) -> None:
@@ -90,18 +83,18 @@ class ImportOptions(ColumnOptions, WriteOptions):
 class FileOutputOptions:
     """Where a motion goes."""
 
-    output: Path = option("The file or folder to write.", *OUT)
+    output: Path = option("The file or folder to write.", *opt.OUT)
 
 
 @command(epilog="Example: robot-retarget export dance.npz --robot op3 --format csv -o dance.csv")
 def export(
-    source: TrajectoryOptions,
-    robot: RobotOptions,
+    source: opt.TrajectoryOptions,
+    robot: opt.RobotOptions,
     to: FileOutputOptions,
     written: WriteOptions,
     columns: JointOptions,
-    ends: StandOptions,
-    printing: PrintOptions,
+    ends: opt.StandOptions,
+    printing: opt.PrintOptions,
     format: Annotated[str, typer.Option("--format", "-f", help="See --list.")] = "csv",
     list: Annotated[
         bool, typer.Option("--list", callback=_list, is_eager=True, help="Print the known formats and exit.")
@@ -109,11 +102,11 @@ def export(
 ) -> None:
     """Write a trajectory in a format that others read."""
     from robot_retarget.edit.cuts import between_stands
-    from robot_retarget.formats import export as write
-    from robot_retarget.trajectory import load_trajectory
 
     options, model = options_of(columns.joints, written.fps, written.servos), robot.load()
-    write(between_stands(load_trajectory(source.trajectory), model, ends.stand), model, format, to.output, options)
+    rr.export(
+        between_stands(rr.load_trajectory(source.trajectory), model, ends.stand), model, format, to.output, options
+    )
     printing.result({"output": str(to.output), "format": format}, f"wrote {to.output}")
 
 
@@ -123,11 +116,11 @@ def export(
 )
 def import_(
     source: FileOptions,
-    robot: RobotOptions,
-    to: OutputOptions,
+    robot: opt.RobotOptions,
+    to: opt.OutputOptions,
     known: KnownOptions,
     made: ImportOptions,
-    printing: PrintOptions,
+    printing: opt.PrintOptions,
 ) -> None:
     """Read a robot's motion that another tool wrote.
 
@@ -156,20 +149,19 @@ class ConvertOptions(ImportOptions):
     epilog="Example: robot-retarget convert dance.csv --from unitree --to mjlab --robot unitree_g1.xml -o dance.npz",
 )
 def convert(
-    source: FileOptions, robot: RobotOptions, to: FileOutputOptions, how: ConvertOptions, printing: PrintOptions
+    source: FileOptions, robot: opt.RobotOptions, to: FileOutputOptions, how: ConvertOptions, printing: opt.PrintOptions
 ) -> None:
     """Read a motion in one format and write it in another."""
-    from robot_retarget.formats import export as write
     from robot_retarget.formats import import_motion
 
     model, read = robot.load(), options_of(how.joints, None, how.servos, how.source_fps, how.quaternion, how.scene)
     trajectory = import_motion(source.file, model, how.source, read)
     facts = _noted(trajectory) | {"output": str(to.output), "format": how.to}
-    write(trajectory, model, how.to, to.output, options_of(how.to_joints, how.fps, how.servos))
+    rr.export(trajectory, model, how.to, to.output, options_of(how.to_joints, how.fps, how.servos))
     printing.result(facts, f"wrote {to.output}")
 
 
-def _noted(trajectory: "Trajectory") -> dict[str, Any]:
+def _noted(trajectory: "rr.Trajectory") -> dict[str, Any]:
     """Print the notes of a trajectory and return what `--json` says of it."""
     for note in trajectory.notes:
         console.note(note)

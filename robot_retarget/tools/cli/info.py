@@ -14,10 +14,11 @@ from pathlib import Path
 
 import typer
 
+import robot_retarget as rr
 from robot_retarget.base.errors import DISTRIBUTION, RobotRetargetError, UsageError, extra_requirements, install_line
 from robot_retarget.tools.cli import console
+from robot_retarget.tools.cli import options as opt
 from robot_retarget.tools.cli.command import argument, command, option, options
-from robot_retarget.tools.cli.options import DEFAULT_ROBOT, LimitOptions, PrintOptions, ReadOptions, load
 from robot_retarget.tools.cli.run import is_robot_name
 
 
@@ -33,33 +34,32 @@ class InfoOptions:
 
 
 @command(epilog="Example: robot-retarget info dance.bvh")
-def info(subject: InfoOptions, reading: ReadOptions, limits: LimitOptions, printing: PrintOptions) -> None:
+def info(subject: InfoOptions, reading: opt.ReadOptions, limits: opt.LimitOptions, printing: opt.PrintOptions) -> None:
     """Describe a motion or a robot, and its recognised keypoints.
 
     With a scene: its bodies too, and the parts that touch them.
     """
-    from robot_retarget.scene import read_scene
     from robot_retarget.tools.summary import describe_motion, describe_robot, describe_scene, describe_terrain
 
     file, robot = str(subject.file), subject.robot
     if (subject.file is None) == (robot is None):
         raise UsageError("info takes one thing: a motion, an MJCF file, or --robot NAME")
     if robot is not None or is_robot_name(file):
-        facts = describe_robot(load(robot or file, limits.limits))
+        facts = describe_robot(opt.load(robot or file, limits.limits))
     else:
         motion = reading.read(Path(file))
         facts = describe_motion(motion)
         if subject.scene is not None:
-            facts |= describe_scene(motion.with_scene(read_scene(subject.scene)), load(DEFAULT_ROBOT))
+            facts |= describe_scene(motion.with_scene(rr.read_scene(subject.scene)), opt.load(opt.DEFAULT_ROBOT))
         elif facts["human"]:
-            facts |= describe_terrain(motion, load(DEFAULT_ROBOT))
+            facts |= describe_terrain(motion, opt.load(opt.DEFAULT_ROBOT))
     printing.show(facts, console.show_robot if facts["kind"] == "robot" else console.show_motion)
     if not facts.get("human", facts.get("humanoid", True)):
         raise typer.Exit(2)
 
 
 @command(epilog="Example: robot-retarget doctor --json")
-def doctor(printing: PrintOptions) -> None:
+def doctor(printing: opt.PrintOptions) -> None:
     """Examine the machine, with a cure for each missing part.
 
     Python, MuJoCo, rendering, compiler, ffmpeg, extras, serial ports. Exit code 1 if a needed part is missing.
@@ -83,7 +83,7 @@ PORTS = ("ttyUSB*", "ttyACM*")
 LATENCY_MS = 1
 """The latency timer of a USB adapter at which a bus keeps 125 ticks a second [ms]; drivers begin at 16."""
 TIMERS = "sys/bus/usb-serial/devices"
-EXTRAS = ("plots", "video", "view", "descriptions", "c3d", "formats", "live")
+EXTRAS = ("plots", "video", "view", "descriptions", "c3d", "formats")
 """Those that a user may want."""
 MODULES = {
     "imageio-ffmpeg": "imageio_ffmpeg",
@@ -91,7 +91,6 @@ MODULES = {
     "fast-simplification": "fast_simplification",
     "mcap-ros2-support": "mcap_ros2",
     "pyyaml": "yaml",
-    "python-osc": "pythonosc",
 }
 """Distributions whose module has another name."""
 PICTURE = 64

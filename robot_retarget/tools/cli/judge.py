@@ -5,26 +5,18 @@ from typing import Literal
 
 import typer
 
+import robot_retarget as rr
 from robot_retarget.base.choices import Stand
 from robot_retarget.tools.cli import console
+from robot_retarget.tools.cli import options as opt
 from robot_retarget.tools.cli.command import argument, command, option, options
 from robot_retarget.tools.cli.console import progress
 from robot_retarget.tools.cli.formats import ColumnOptions, KnownOptions, options_of
-from robot_retarget.tools.cli.options import (
-    OUT,
-    JudgeOptions,
-    MapOptions,
-    PrintOptions,
-    ReadOptions,
-    RobotOptions,
-    ServoOptions,
-    TrajectoryOptions,
-)
 from robot_retarget.tools.cli.run import save_judged, write_page
 
 
 @options
-class SimulateOptions(JudgeOptions, ServoOptions, TrajectoryOptions):
+class SimulateOptions(opt.JudgeOptions, opt.ServoOptions, opt.TrajectoryOptions):
     """Simulation of a trajectory, and the files to write."""
 
     mode: Stand = option(
@@ -51,7 +43,7 @@ class SimulateOptions(JudgeOptions, ServoOptions, TrajectoryOptions):
 
 
 @command(epilog="Example: robot-retarget simulate dance.npz --robot op3 --mode free")
-def simulate(how: SimulateOptions, robot: RobotOptions, printing: PrintOptions) -> None:
+def simulate(how: SimulateOptions, robot: opt.RobotOptions, printing: opt.PrintOptions) -> None:
     """Play a trajectory on simulated servos and pass a verdict.
 
     The goals that were judged are kept for `play`.
@@ -60,22 +52,20 @@ def simulate(how: SimulateOptions, robot: RobotOptions, printing: PrintOptions) 
     from robot_retarget.base.untrusted.documents import NAMES
     from robot_retarget.collision.warn import warnings_of
     from robot_retarget.judge.rollout import mode_of
-    from robot_retarget.judge.rollout import simulate as roll_out
     from robot_retarget.judge.verdict import read_thresholds
     from robot_retarget.tools.view.film import loop
-    from robot_retarget.trajectory import load_trajectory
 
     page = how.page
     if page is not None:
         require_suffix(page, ".html", "--json prints the report as JSON")
-    model, played = robot.load(how.servos), load_trajectory(how.trajectory)
+    model, played = robot.load(how.servos), rr.load_trajectory(how.trajectory)
     mode = mode_of(played) if how.mode == "auto" else how.mode
     where = how.report_file or how.trajectory.with_name(NAMES[mode])
     for path in (*([how.trajectory, where] if how.store else []), *([page] if page else [])):
         require_writable(path)
     warnings = warnings_of(played, model) if len(played) > 1 else None  # a single frame has no next one to warn of
     with progress() as begin:
-        report = roll_out(
+        report = rr.simulate(
             played,
             model,
             mode=mode,
@@ -102,32 +92,31 @@ def simulate(how: SimulateOptions, robot: RobotOptions, printing: PrintOptions) 
 
 
 @options
-class WarnedOptions(TrajectoryOptions):
+class WarnedOptions(opt.TrajectoryOptions):
     """How far ahead to look, and what to write."""
 
     horizon: float = option("How far ahead joints continue [s]; 0.2 for smooth machine motion.", default=1 / 30)
     planned: bool = option(
         "Follow the next frames of the file over the horizon, in place of the last step.", default=False
     )
-    output: Path | None = option("A table of the events to write (.csv).", *OUT, default=None)
+    output: Path | None = option("A table of the events to write (.csv).", *opt.OUT, default=None)
 
 
 @command(epilog="Example: robot-retarget warn dance.npz --robot op3 -o warnings.csv")
-def warn(warned: WarnedOptions, robot: RobotOptions, printing: PrintOptions) -> None:
+def warn(warned: WarnedOptions, robot: opt.RobotOptions, printing: opt.PrintOptions) -> None:
     """Predict collisions of a trajectory, frame by frame.
 
     With itself and with the bodies around it; each warning is compared with what happened.
     """
     from robot_retarget.base.files import require_suffix, require_writable
     from robot_retarget.collision.warn import WarnOptions, figures_of, warnings_of, write_csv
-    from robot_retarget.trajectory import load_trajectory
 
     output = warned.output
     if output is not None:
         require_writable(output)
         require_suffix(output, ".csv", "--json prints the events as JSON")
     ahead = WarnOptions(horizon=warned.horizon)
-    found = warnings_of(load_trajectory(warned.trajectory), robot.load(), ahead, planned=warned.planned)
+    found = warnings_of(rr.load_trajectory(warned.trajectory), robot.load(), ahead, planned=warned.planned)
     if output is not None:
         write_csv(found.events, output)
     facts = {
@@ -143,7 +132,7 @@ def warn(warned: WarnedOptions, robot: RobotOptions, printing: PrintOptions) -> 
 
 
 @options
-class ScoreOptions(ColumnOptions, KnownOptions, MapOptions, ReadOptions):
+class ScoreOptions(ColumnOptions, KnownOptions, opt.MapOptions, opt.ReadOptions):
     """The motion of a robot and of the human."""
 
     trajectory: Path = argument("File or folder with the motion of a robot.")
@@ -155,25 +144,24 @@ class ScoreOptions(ColumnOptions, KnownOptions, MapOptions, ReadOptions):
         "Frames per second of the motion file; overrides the file.", "--motion-fps", default=None
     )
     repair: bool = option("Repair defects of the motion, as solve does.", default=False)
-    output: Path | None = option("A JSON file to write.", *OUT, default=None)
+    output: Path | None = option("A JSON file to write.", *opt.OUT, default=None)
 
 
 @command(epilog="Example: robot-retarget score dance.npz --robot op3 --motion dance.bvh")
-def score(scored: ScoreOptions, robot: RobotOptions, printing: PrintOptions) -> None:
+def score(scored: ScoreOptions, robot: opt.RobotOptions, printing: opt.PrintOptions) -> None:
     """Score any known file of robot motion.
 
     Likeness to the human, contacts, feet, limits, smoothness, physics.
     """
     from robot_retarget.base.files import require_writable, write_text
     from robot_retarget.formats import import_motion
-    from robot_retarget.scores.score import score as measure
 
     if scored.output is not None:
         require_writable(scored.output)
     model, options = robot.load(), options_of(scored.joints, source_fps=scored.rate, quaternion=scored.quaternion)
     played = import_motion(scored.trajectory, model, scored.format, options)
     human = None if scored.motion is None else scored.read(scored.motion)
-    found = measure(played, model, human, overrides=scored.map_file)
+    found = rr.score(played, model, human, overrides=scored.map_file)
     if scored.output is not None:
         write_text(scored.output, console.as_json(found.contract()) + "\n")
     printing.show(found.contract(), lambda _: console.show_score(found))

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+import robot_retarget as rr
 from robot_retarget.base.choices import Balance, Legs, Preset, Terrain
 from robot_retarget.base.errors import UsageError
 from robot_retarget.base.untrusted.limits import zip_names
@@ -35,50 +36,36 @@ def kind_of(path: Path) -> str:
         return "motion"
     if suffix == ".toml":
         return "settings"
-    return "trajectory" if suffix == ".npz" and _is_trajectory(path) else ""
+    return "trajectory" if suffix == ".npz" and set(zip_names(path)) >= TRAJECTORY_MEMBERS else ""
 
 
-def _is_trajectory(path: Path) -> bool:
-    return set(zip_names(path)) >= TRAJECTORY_MEMBERS
+def taking(wanted: str) -> Callable[[Any], Any]:
+    """Return the callback of an argument that refuses files of other kinds, and stdin, where one kind is expected.
+
+    A playlist of trajectories (`.toml`) is taken where `playable` is wanted.
+    """
+
+    def taken(given: Any) -> Any:
+        for path in given if isinstance(given, list) else [given]:
+            _require("trajectory" if wanted == "playable" else wanted, path, wanted == "playable")
+        return given
+
+    return taken
 
 
-def require_motion(path: Path) -> Path:
-    """Refuse a robot, a trajectory, a settings file or stdin where a motion is expected."""
-    return _require("motion", path)
-
-
-def require_trajectory(path: Path) -> Path:
-    """Refuse a robot, a motion, a settings file or stdin where a trajectory is expected."""
-    return _require("trajectory", path)
-
-
-def require_trajectories(paths: list[Path]) -> list[Path]:
-    """Apply `require_trajectory` to each of several files."""
-    return [require_trajectory(path) for path in paths]
-
-
-def require_playable(path: Path) -> Path:
-    """Apply `require_trajectory` to all but playlists."""
-    return path if path.suffix.lower() == ".toml" else require_trajectory(path)
-
-
-def _require(wanted: str, path: Path) -> Path:
+def _require(wanted: str, path: Path, listed: bool) -> None:
     if str(path) == STDIN:
         raise UsageError(f"a {wanted} is read from a file, not from stdin: its name decides how it is read")
     found = kind_of(path)
-    if found and found != wanted:
+    if found and found != wanted and not (listed and found == "settings"):
         article = "" if found == "settings" else "a "
         raise UsageError(f"{path}: {article}{found}, not a {wanted}; {TAKEN_BY[found].format(path)}")
-    return path
 
 
 if TYPE_CHECKING:
     from robot_retarget.actuators.map import ServoMap
     from robot_retarget.base.progress import Progress
-    from robot_retarget.graph.describe import DescribeArguments, RobotGraph
-    from robot_retarget.human.motion import Motion
-    from robot_retarget.robot import Robot
-    from robot_retarget.solver.pipeline import Result
+    from robot_retarget.graph.describe import DescribeArguments
 
 DEFAULT_ROBOT = "op3"
 ROBOT = "A shipped name (op3), an MJCF file, or a robot_descriptions name"
@@ -148,12 +135,11 @@ class ReadOptions(PartOptions):
         "Stature of the human [m], which sets the scale; by default the unit of the file.", default=None
     )
 
-    def read(self, path: Path) -> "Motion":
+    def read(self, path: Path) -> "rr.Motion":
         """Return the motion of a file, or the wanted part of it."""
         from robot_retarget.human.motion import part_of
-        from robot_retarget.human.read import read_motion
 
-        motion = read_motion(
+        motion = rr.read_motion(
             path, fps=self.source_fps, body_model=self.body_model, up=self.up, repair=self.repair, height=self.height
         )
         return part_of(motion, self.frames)
@@ -166,10 +152,10 @@ class ClipOptions(ReadOptions):
     motion: Path = argument(
         "A motion: BVH, AMC, C3D, glTF, GLB, VRMA, SMPL or AMASS, DeepMimic, HumanML3D, landmarks, joint positions; "
         "FILE#NAME where a file holds several.",
-        callback=require_motion,
+        callback=taking("motion"),
     )
 
-    def load(self) -> "Motion":
+    def load(self) -> "rr.Motion":
         """Return the motion."""
         return self.read(self.motion)
 
@@ -198,7 +184,7 @@ class PerformerOptions(ClipOptions):
 class TrajectoryOptions:
     """The trajectory that a command takes."""
 
-    trajectory: Path = argument("Trajectory .npz, as solve writes it.", callback=require_trajectory)
+    trajectory: Path = argument("Trajectory .npz, as solve writes it.", callback=taking("trajectory"))
 
 
 @options
@@ -223,7 +209,7 @@ class RobotOptions(LimitOptions):
 
     robot: str = option(f"{ROBOT}.", "--robot", "-r")
 
-    def load(self, servos: str | None = None) -> "Robot":
+    def load(self, servos: str | None = None) -> "rr.Robot":
         """Return the robot, with the limits and servos that its model lacks."""
         return load(self.robot, self.limits, servos)
 
@@ -241,11 +227,10 @@ class FreezeOptions:
         "Move the arms alone, or all but the legs; the other joints keep their standing angles.", default=None
     )
 
-    def of(self, robot: "Robot") -> "Robot":
+    def of(self, robot: "rr.Robot") -> "rr.Robot":
         """Return a robot with these joints frozen."""
-        from robot_retarget.robot import freeze
 
-        return freeze(robot, self.freeze or (), self.only)
+        return rr.freeze(robot, self.freeze or (), self.only)
 
 
 @options
@@ -254,7 +239,7 @@ class DefaultRobotOptions(FreezeOptions, RobotOptions):
 
     robot: str = option(f"{ROBOT}; by default {DEFAULT_ROBOT}.", "--robot", "-r", default="", callback=named_robot)
 
-    def load(self, servos: str | None = None) -> "Robot":
+    def load(self, servos: str | None = None) -> "rr.Robot":
         """Return the robot, with the limits and servos that its model lacks, some joints frozen."""
         return self.of(super().load(servos))
 
@@ -334,11 +319,10 @@ class GraphOptions(SceneOptions, RateOptions, MapOptions):
         "auto puts boxes where the human stands on steps and sits on seats; flat is a level floor.", default="flat"
     )
 
-    def describe(self, motion: "Motion", robot: "Robot") -> "RobotGraph":
+    def describe(self, motion: "rr.Motion", robot: "rr.Robot") -> "rr.RobotGraph":
         """Return the graph of a motion on a robot."""
-        from robot_retarget.graph.describe import describe
 
-        return describe(motion, robot, **self.arguments())
+        return rr.describe(motion, robot, **self.arguments())
 
     def arguments(self) -> "DescribeArguments":
         """Return the keywords of `describe`."""
@@ -358,7 +342,7 @@ class EditedGraphOptions(GraphOptions):
 
     edges: Path | None = option("TOML file of edges to add, weigh or drop.", default=None)
 
-    def describe(self, motion: "Motion", robot: "Robot") -> "RobotGraph":
+    def describe(self, motion: "rr.Motion", robot: "rr.Robot") -> "rr.RobotGraph":
         """Return the graph of a motion on a robot, edited."""
         from robot_retarget.graph.edits import edited, read_edits
 
@@ -422,17 +406,16 @@ class ForceOptions:
     force: bool = option("Accept a motion other than the source of the trajectory.", "--force", default=False)
 
 
-def load(name: str, limits: Path | None = None, servos: str | None = None) -> "Robot":
+def load(name: str, limits: Path | None = None, servos: str | None = None) -> "rr.Robot":
     """Return a robot by name or file, with missing limits and servos from separate files."""
-    from robot_retarget.robot import load_robot
 
     if Path(name).is_dir():
         models = [str(path) for path in sorted(Path(name).rglob("*")) if path.suffix.lower() in MODELS]
         raise UsageError(f"--robot {name} is a folder; models in it: {', '.join(models[:12]) or 'none'}")
-    return load_robot(name, limits, servos)
+    return rr.load_robot(name, limits, servos)
 
 
-def solved(graph: "RobotGraph", how: FollowOptions, progress: "Progress", threads: int = 1) -> "Result":
+def solved(graph: "rr.RobotGraph", how: FollowOptions, progress: "Progress", threads: int = 1) -> "rr.Result":
     """Return the trajectory of a graph."""
     from robot_retarget.solver.options import SolveOptions
     from robot_retarget.solver.pipeline import solve

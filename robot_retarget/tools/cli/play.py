@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Literal
 
 import typer
 
+import robot_retarget as rr
 from robot_retarget.base.errors import UsageError
 from robot_retarget.tools.cli import console
+from robot_retarget.tools.cli import options as opt
 from robot_retarget.tools.cli.command import argument, command, option, options
-from robot_retarget.tools.cli.options import BaudOptions, PrintOptions, load, require_playable
 from robot_retarget.tools.cli.run import judged_plain
 
 if TYPE_CHECKING:
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from robot_retarget.servo.judgement import Piece
     from robot_retarget.servo.outcome import PlaybackOutcome
     from robot_retarget.servo.plan import ServoPlan
-    from robot_retarget.trajectory import Trajectory
 
 
 OPEN_LOOP = (
@@ -29,11 +29,11 @@ ALTERED = "--rate, --speed, --loop, --from, --to and --freeze alter the judged m
 
 
 @options
-class PlayOptions(BaudOptions):
+class PlayOptions(opt.BaudOptions):
     """Options of a playback: trajectory, servos and checks."""
 
     trajectory: Path = argument(
-        "Trajectory .npz, as simulate judged it, or a playlist .toml of such.", callback=require_playable
+        "rr.Trajectory .npz, as simulate judged it, or a playlist .toml of such.", callback=opt.taking("playable")
     )
     servos: str = option("A shipped robot's name (op3) or a servo map (.toml).", "--servos", "-s")
     port: str = option("Serial port, or that of an emulator.", "--port", "-p", default="")
@@ -83,32 +83,33 @@ class PlayOptions(BaudOptions):
         given = (self.rate, self.speed, self.loop, self.start, self.stop, self.freeze)
         return given != (None, 1.0, 1, 0.0, None, None)
 
-    def part(self, trajectory: "Trajectory") -> "Trajectory":
+    def part(self, trajectory: "rr.Trajectory") -> "rr.Trajectory":
         """Return the wanted part of a trajectory, at its speed, as often as wanted, with joints frozen."""
         from robot_retarget.robot.override import freeze, held
         from robot_retarget.servo.plan import part_of
 
         if self.freeze:
-            trajectory = held(trajectory, freeze(load(self.robot or trajectory.robot, servos=self.servos), self.freeze))
+            trajectory = held(
+                trajectory, freeze(opt.load(self.robot or trajectory.robot, servos=self.servos), self.freeze)
+            )
         return part_of(trajectory, self.speed, self.loop, self.start, self.stop)
 
 
 @command(epilog="Example: robot-retarget play out/trajectory.npz --servos op3 --port /dev/ttyUSB0")
-def play(how: PlayOptions, printing: PrintOptions) -> None:
+def play(how: PlayOptions, printing: opt.PrintOptions) -> None:
     """Send the goals of a trajectory that passed to Dynamixel servos. Exit code 1 when it was stopped."""
     from robot_retarget.base.files import require_writable
     from robot_retarget.servo.judgement import Piece, require_same_stands
     from robot_retarget.servo.outcome import PlaybackOptions
     from robot_retarget.servo.play import play as perform
     from robot_retarget.servo.play import preview
-    from robot_retarget.trajectory import load_trajectory
 
     options = PlaybackOptions(how.end_pose, how.release, grace=how.grace, test_lean=how.test_lean)
     servo_map = how.map_of(how.servos)
     if how.listed and (how.plain or how.unsafe or how.report is not None):
         raise UsageError("a playlist plays judged goals: --plain, --unsafe and --report take one trajectory")
     if how.plain or how.unsafe:
-        pieces = [Piece((_plain if how.plain else _unjudged)(load_trajectory(how.trajectory), how, servo_map))]
+        pieces = [Piece((_plain if how.plain else _unjudged)(rr.load_trajectory(how.trajectory), how, servo_map))]
     else:
         pieces, tracking_rms = (_listed if how.listed else _judged)(how, servo_map)
         options = replace(options, tracking_rms=tracking_rms)
@@ -156,9 +157,8 @@ def _judged(how: PlayOptions, servo_map: "ServoMap") -> "tuple[list[Piece], floa
     """Return the goals that passed, and the largest tracking error of a joint (rms) that was judged [rad]."""
     from robot_retarget.servo.judgement import Piece, judged_ways, require_judged
     from robot_retarget.servo.plan import goal_plan
-    from robot_retarget.trajectory import load_trajectory
 
-    trajectory = load_trajectory(how.trajectory)
+    trajectory = rr.load_trajectory(how.trajectory)
     if how.altered:
         raise UsageError(ALTERED)
     rms = require_judged(how.trajectory, trajectory, servo_map, how.servos, how.report, how.mode, how.loose)
@@ -182,16 +182,16 @@ def _listed(how: PlayOptions, servo_map: "ServoMap") -> "tuple[list[Piece], floa
     return playlist.pieces(named), max(rms for _, rms in judged.values())
 
 
-def _plain(trajectory: "Trajectory", how: PlayOptions, servo_map: "ServoMap") -> "ServoPlan":
+def _plain(trajectory: "rr.Trajectory", how: PlayOptions, servo_map: "ServoMap") -> "ServoPlan":
     """Return the goals of the plain trajectory after it passes in simulation, with feedback where the map has a sensor."""
     from robot_retarget.actuators.goals import RATE
     from robot_retarget.servo.plan import goal_plan
 
-    model, feedback = load(how.robot or trajectory.robot, servos=how.servos), None if how.feedback else False
+    model, feedback = opt.load(how.robot or trajectory.robot, servos=how.servos), None if how.feedback else False
     return goal_plan(judged_plain(how.part(trajectory), model, how.mode, how.rate or RATE, feedback), servo_map)
 
 
-def _unjudged(trajectory: "Trajectory", how: PlayOptions, servo_map: "ServoMap") -> "ServoPlan":
+def _unjudged(trajectory: "rr.Trajectory", how: PlayOptions, servo_map: "ServoMap") -> "ServoPlan":
     """Return the stored goals of an unaltered trajectory, else the plain trajectory."""
     from robot_retarget.actuators.goals import RATE
     from robot_retarget.servo.plan import goal_plan, plain_plan
@@ -201,7 +201,7 @@ def _unjudged(trajectory: "Trajectory", how: PlayOptions, servo_map: "ServoMap")
     return plain_plan(how.part(trajectory), servo_map, how.rate or RATE)
 
 
-def _show(outcome: "PlaybackOutcome", log: Path, printing: PrintOptions) -> None:
+def _show(outcome: "PlaybackOutcome", log: Path, printing: opt.PrintOptions) -> None:
     """Print how a playback ended."""
     if printing.json:
         facts = {"ended": outcome.ended.name.lower(), "state": outcome.state, "reason": outcome.reason}

@@ -10,25 +10,13 @@ from typing import TYPE_CHECKING
 
 import typer
 
+import robot_retarget as rr
 from robot_retarget.base.errors import UsageError
 from robot_retarget.base.files import made_folder, replacing, write_text
 from robot_retarget.tools.cli import console
+from robot_retarget.tools.cli import options as opt
 from robot_retarget.tools.cli.command import NOTHING, command, option, options
 from robot_retarget.tools.cli.console import progress
-from robot_retarget.tools.cli.options import (
-    OUT,
-    ROBOT,
-    ClipOptions,
-    DefaultRobotOptions,
-    FollowOptions,
-    GraphOptions,
-    JudgeOptions,
-    PrintOptions,
-    ReadOptions,
-    ServoOptions,
-    load,
-    solved,
-)
 
 # The stages behind the commands: from files to files, with messages on the terminal.
 
@@ -38,14 +26,9 @@ if TYPE_CHECKING:
     from robot_retarget.base.choices import Stand
     from robot_retarget.base.progress import Progress
     from robot_retarget.collision.warn import Warnings
-    from robot_retarget.human.motion import Motion
-    from robot_retarget.judge.report import Report
-    from robot_retarget.robot import Robot
     from robot_retarget.servo.outcome import PlaybackOutcome
-    from robot_retarget.solver.pipeline import Result
     from robot_retarget.tools.view.film import AnimatedWebP, Film
     from robot_retarget.tools.view.picture import Picture, Unavailable
-    from robot_retarget.trajectory import Trajectory
 
     Shown = Path | AnimatedWebP | Unavailable
     """A film in a file, a loop, or the reason why there is neither."""
@@ -151,19 +134,19 @@ def _put(complete: Path, place: Path) -> None:
 
 
 @options
-class FolderOptions(JudgeOptions, FollowOptions):
+class FolderOptions(opt.JudgeOptions, opt.FollowOptions):
     """How a folder of results is filled."""
 
-    out: Path = option("Folder for the results.", *OUT, default=Path("out"))
+    out: Path = option("Folder for the results.", *opt.OUT, default=Path("out"))
     video: bool = option("Make a film as well: video.mp4.", "--video", default=False)
 
 
 def fill_folder(
-    motion: "Motion",
-    robot: "Robot",
-    goals: GraphOptions,
+    motion: "rr.Motion",
+    robot: "rr.Robot",
+    goals: opt.GraphOptions,
     how: FolderOptions,
-    printing: PrintOptions,
+    printing: opt.PrintOptions,
     play: bool = False,
 ) -> str:
     """Solve, simulate (free if balanced, else pinned), draw and write a folder; return the verdict.
@@ -177,7 +160,7 @@ def fill_folder(
     out, say = how.out, (lambda text: None) if printing.json else console.say
     say(f"{motion.source} to {robot.name}: {motion.duration:.3g} s of motion")
     with filling(out) as filled, progress() as begin:
-        result = solved(goals.describe(motion, robot), how, begin(f"retarget to {robot.name}"))
+        result = opt.solved(goals.describe(motion, robot), how, begin(f"retarget to {robot.name}"))
         found, target = describe_solution(result.solution, result.notes), filled.path
         viewer = view(result).save(target / "viewer.html")
         if not printing.json:
@@ -205,21 +188,20 @@ def fill_folder(
 
 
 def _tried(
-    result: "Result", target: Path, how: JudgeOptions, progress: "Progress"
-) -> tuple["Report", "Warnings | None"]:
+    result: "rr.Result", target: Path, how: opt.JudgeOptions, progress: "Progress"
+) -> tuple["rr.Report", "Warnings | None"]:
     """In simulation: `trajectory.npz` with its goals, `report.json` and, of more than one frame, `warnings.csv`."""
     from robot_retarget.collision.warn import write_csv
-    from robot_retarget.judge.rollout import simulate as roll_out
 
     warnings = result.warnings if len(result.trajectory) > 1 else None
-    report = roll_out(result, warnings=warnings, draws=how.draws, feedback=how.feedback, progress=progress)
+    report = rr.simulate(result, warnings=warnings, draws=how.draws, feedback=how.feedback, progress=progress)
     save_judged(report, target / "trajectory.npz", target / "report.json")
     if warnings is not None:
         write_csv(warnings.events, target / "warnings.csv")
     return report, warnings
 
 
-def save_judged(report: "Report", trajectory: Path, where: Path) -> None:
+def save_judged(report: "rr.Report", trajectory: Path, where: Path) -> None:
     """Write the trajectory with the goals that were judged, then its report; an error in writing leaves neither."""
     from robot_retarget.base.files import replacing
 
@@ -230,8 +212,8 @@ def save_judged(report: "Report", trajectory: Path, where: Path) -> None:
 
 
 def judged_plain(
-    trajectory: "Trajectory", robot: "Robot", mode: "Stand", rate: float, feedback: bool | None
-) -> "Trajectory":
+    trajectory: "rr.Trajectory", robot: "rr.Robot", mode: "Stand", rate: float, feedback: bool | None
+) -> "rr.Trajectory":
     """A trajectory with goals that are itself, `rate` a second, once they have passed; `feedback` as in `simulate`.
 
     Raises:
@@ -239,9 +221,10 @@ def judged_plain(
     """
     from robot_retarget.base.errors import ServoError
     from robot_retarget.judge.playback import Playback
-    from robot_retarget.judge.rollout import simulate as roll_out
 
-    report = roll_out(trajectory, robot, mode=mode, compensate=False, playback=Playback(rate=rate), feedback=feedback)
+    report = rr.simulate(
+        trajectory, robot, mode=mode, compensate=False, playback=Playback(rate=rate), feedback=feedback
+    )
     if report.verdict != "pass":
         raise ServoError(f"the trajectory without compensation does not pass: {'; '.join(report.reasons)}")
     assert report.trajectory is not None
@@ -253,16 +236,15 @@ def played_on_emulated(robot: str, folder: Path) -> "PlaybackOutcome | None":
     from robot_retarget.actuators.map import load_map
     from robot_retarget.base.files import MODELS
     from robot_retarget.servo.play import play_emulated
-    from robot_retarget.trajectory import load_trajectory
 
     if not (MODELS / robot / "servos.toml").is_file():
         return None
-    trajectory = load_trajectory(folder / "trajectory.npz")
+    trajectory = rr.load_trajectory(folder / "trajectory.npz")
     return play_emulated(trajectory, load_map(robot), lockstep=True, log=folder / "play.npz")
 
 
 def _shown(
-    result: "Result", target: Path, film: bool, begin: "Callable[[str], Progress]"
+    result: "rr.Result", target: Path, film: bool, begin: "Callable[[str], Progress]"
 ) -> "tuple[Picture | None, Shown]":
     """Draw the strip, and the film or a loop of few pictures; notes name what cannot be drawn."""
     from robot_retarget.tools.view.film import Film, loop, strip, video
@@ -289,8 +271,8 @@ def _note_of(drawn: "Film | Picture | Unavailable") -> str:
 
 
 def write_page(
-    report: "Report",
-    trajectory: "Path | Trajectory",
+    report: "rr.Report",
+    trajectory: "Path | rr.Trajectory",
     warnings: "Warnings | None",
     page: Path,
     strip: "Picture | None" = None,
@@ -306,7 +288,7 @@ def write_page(
         console.note(drawn.reason)
 
 
-def require_source(trajectory: "Trajectory", motion: "Motion", force: bool) -> None:
+def require_source(trajectory: "rr.Trajectory", motion: "rr.Motion", force: bool) -> None:
     """Require that a trajectory comes from a motion, unless forced.
 
     Raises:
@@ -347,12 +329,12 @@ def shipped_clip(name: str) -> Path:
 
 @command(epilog="Example: robot-retarget run dance.bvh --robot op3 --out dance")
 def run(
-    clip: ClipOptions,
-    robot: DefaultRobotOptions,
-    servos: ServoOptions,
-    goals: GraphOptions,
+    clip: opt.ClipOptions,
+    robot: opt.DefaultRobotOptions,
+    servos: opt.ServoOptions,
+    goals: opt.GraphOptions,
     how: FolderOptions,
-    printing: PrintOptions,
+    printing: opt.PrintOptions,
 ) -> None:
     """Retarget a motion, warn, simulate and report.
 
@@ -367,18 +349,18 @@ class DemoOptions(FolderOptions):
     """Which shipped clip is shown on which robot."""
 
     clip: str = option("A shipped clip.", default="wave")
-    robot: str = option(f"{ROBOT}.", "--robot", "-r", default="op3")
-    out: Path = option("Folder for the results.", *OUT, default=Path("demo"))
+    robot: str = option(f"{opt.ROBOT}.", "--robot", "-r", default="op3")
+    out: Path = option("Folder for the results.", *opt.OUT, default=Path("demo"))
     video: bool = option("Make a film as well.", default=True)
 
 
 @command(epilog="Example: robot-retarget demo --out demo")
-def demo(how: DemoOptions, printing: PrintOptions) -> None:
+def demo(how: DemoOptions, printing: opt.PrintOptions) -> None:
     """Run a shipped clip on a shipped robot, and emulated servos.
 
     Solved, simulated, shown and played.
     """
-    motion = ReadOptions().read(shipped_clip(how.clip))
-    verdict = fill_folder(motion, load(how.robot), GraphOptions(), how, printing, play=True)
+    motion = opt.ReadOptions().read(shipped_clip(how.clip))
+    verdict = fill_folder(motion, opt.load(how.robot), opt.GraphOptions(), how, printing, play=True)
     if verdict != "pass" and not printing.json:
         console.say("not played: the verdict is fail")

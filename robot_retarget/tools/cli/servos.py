@@ -7,8 +7,8 @@ import typer
 
 from robot_retarget.base.errors import ServoError, UsageError
 from robot_retarget.tools.cli import console
+from robot_retarget.tools.cli import options as opt
 from robot_retarget.tools.cli.command import app, command, option, options
-from robot_retarget.tools.cli.options import OUT, BaudOptions, PrintOptions, load
 
 if TYPE_CHECKING:
     from robot_retarget.actuators.map import ServoMap
@@ -37,7 +37,7 @@ class MapNameOptions:
 
 
 @options
-class BusOptions(BaudOptions, MapNameOptions):
+class BusOptions(opt.BaudOptions, MapNameOptions):
     """The servos of a map on a port."""
 
     port: str = option("Serial port, or that of an emulator.", "--port", "-p")
@@ -51,7 +51,7 @@ class BusOptions(BaudOptions, MapNameOptions):
 class MapOutputOptions:
     """The map that a command writes."""
 
-    output: Path = option("The map to write (.toml).", *OUT)
+    output: Path = option("The map to write (.toml).", *opt.OUT)
 
 
 @options
@@ -97,7 +97,7 @@ def emulate(how: EmulateOptions) -> None:
     servo_map = load_map(how.map_name)
     if how.model is not None and not how.physics:
         raise UsageError("--model needs --physics: without it the motors turn alone")
-    body = (load(str(how.model)).spec() if how.model else scene_of(servo_map.robot)) if how.physics else None
+    body = (opt.load(str(how.model)).spec() if how.model else scene_of(servo_map.robot)) if how.physics else None
     pace, weight = _pace(how.baud, how.usb_latency), _pendulum(how.pendulum) if how.pendulum else None
     what = (how.strict, how.return_delay, how.view, how.lockstep, weight)
     emulator(servo_map, how.link, pace, body, how.fault or (), *what).run(how.control)
@@ -105,7 +105,7 @@ def emulate(how: EmulateOptions) -> None:
 
 @command(group=servos, epilog="Example: robot-retarget servos scan --port /dev/ttyUSB0")
 def scan(
-    printing: PrintOptions,
+    printing: opt.PrintOptions,
     port: Annotated[str, typer.Option("--port", "-p", help="Serial port, or that of an emulator.")],
     baud: Annotated[list[int] | None, typer.Option(help="Baud rates to try; the usual ones by default.")] = None,
     last: Annotated[int, typer.Option(min=0, max=252, help="Highest id to try.")] = 252,
@@ -132,7 +132,7 @@ def scan(
 @command(group=servos, epilog="Example: robot-retarget servos check --map op3 --port /dev/ttyUSB0")
 def check(
     at: BusOptions,
-    printing: PrintOptions,
+    printing: opt.PrintOptions,
     fix: Annotated[bool, typer.Option("--fix", help="Write what can be put right, where torque is off.")] = False,
 ) -> None:
     """Compare the servos with the map; every difference at once. Exit code 1 when playing would be refused."""
@@ -158,7 +158,7 @@ def check(
 def calibrate(
     at: BusOptions,
     to: MapOutputOptions,
-    printing: PrintOptions,
+    printing: opt.PrintOptions,
     joint: Annotated[list[str] | None, typer.Option(help="Only these joints.")] = None,
 ) -> None:
     """Record where the servos are now as the zero pose.
@@ -194,7 +194,7 @@ class IdentifyOptions(MapOutputOptions, BusOptions):
     group=servos,
     epilog="Example: robot-retarget servos identify --map bench.toml --joint j1 --mass 0.3 --length 0.1 --port /dev/ttyUSB0 -o new.toml",
 )
-def identify(how: IdentifyOptions, printing: PrintOptions) -> None:
+def identify(how: IdentifyOptions, printing: opt.PrintOptions) -> None:
     """Find a servo's friction, armature, damping and gain.
 
     It moves with a known pendulum for 24 s; the model is fitted.
@@ -227,7 +227,7 @@ def identify(how: IdentifyOptions, printing: PrintOptions) -> None:
 )
 def import_map(
     to: MapOutputOptions,
-    printing: PrintOptions,
+    printing: opt.PrintOptions,
     file: Annotated[Path, typer.Argument(help="OP3.robot, lerobot or pypot JSON, ToddlerBot config.json.")],
     offsets: Annotated[Path | None, typer.Option(help="offset.yaml next to an OP3.robot.")] = None,
     model: Annotated[str | None, typer.Option(help="Servo model where the file names none.")] = None,

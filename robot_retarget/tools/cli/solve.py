@@ -3,38 +3,20 @@
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
+import robot_retarget as rr
 from robot_retarget.tools.cli import console
+from robot_retarget.tools.cli import options as opt
 from robot_retarget.tools.cli.command import argument, command, option, options
 from robot_retarget.tools.cli.console import progress
 from robot_retarget.tools.cli.formats import KnownOptions
-from robot_retarget.tools.cli.options import (
-    ClipOptions,
-    DefaultRobotOptions,
-    EditedGraphOptions,
-    FollowOptions,
-    FreezeOptions,
-    LimitOptions,
-    OutputOptions,
-    PerformerOptions,
-    PrintOptions,
-    RateOptions,
-    StandOptions,
-    load,
-    named_robot,
-    solved,
-)
-
-if TYPE_CHECKING:
-    from robot_retarget.solver.pipeline import Result
-    from robot_retarget.trajectory import Trajectory
 
 
 @options
-class SolvedOptions(OutputOptions):
+class SolvedOptions(opt.OutputOptions):
     """The trajectory to write, and its summary."""
 
     explain: bool = option("Print the edges that lost most.", default=False)
@@ -51,7 +33,7 @@ class SolvedOptions(OutputOptions):
         stem, name = self.output.stem, re.sub(r"[^\w.-]+", "_", performer)
         return replace(self, output=self.output.with_name(f"{stem}_{name}.npz")) if performer else self
 
-    def save(self, trajectory: "Trajectory", result: "Result", printing: PrintOptions) -> None:
+    def save(self, trajectory: "rr.Trajectory", result: "rr.Result", printing: opt.PrintOptions) -> None:
         """Write a trajectory and show how it was solved."""
         from robot_retarget.tools.summary import describe_solution
 
@@ -72,14 +54,14 @@ class EffortOptions:
 
 @command(epilog="Example: robot-retarget solve dance.bvh --robot op3 -o dance.npz")
 def solve(
-    clip: PerformerOptions,
+    clip: opt.PerformerOptions,
     to: SolvedOptions,
-    robot: DefaultRobotOptions,
-    goals: EditedGraphOptions,
-    following: FollowOptions,
+    robot: opt.DefaultRobotOptions,
+    goals: opt.EditedGraphOptions,
+    following: opt.FollowOptions,
     effort: EffortOptions,
-    ends: StandOptions,
-    printing: PrintOptions,
+    ends: opt.StandOptions,
+    printing: opt.PrintOptions,
 ) -> None:
     """Retarget a motion: the trajectory only. Exit code 1 if a hard edge of --edges is not met."""
     from robot_retarget.edit.cuts import between_stands
@@ -90,7 +72,7 @@ def solve(
     for name, performer in clip.performers().items():
         motion = performer.load()
         with progress() as begin:
-            result = solved(goals.describe(motion, model), following, begin("retarget"), effort.threads)
+            result = opt.solved(goals.describe(motion, model), following, begin("retarget"), effort.threads)
         to.of(name).save(between_stands(result.trajectory, model, ends.stand), result, printing)
         unmet |= bool(unmet_of_user(result.solution.unmet))
     if unmet:
@@ -111,24 +93,26 @@ class TransferOptions(KnownOptions):
 def transfer(
     performed: TransferOptions,
     to: SolvedOptions,
-    rate: RateOptions,
-    frozen: FreezeOptions,
-    limits: LimitOptions,
-    following: FollowOptions,
-    printing: PrintOptions,
+    rate: opt.RateOptions,
+    frozen: opt.FreezeOptions,
+    limits: opt.LimitOptions,
+    following: opt.FollowOptions,
+    printing: opt.PrintOptions,
 ) -> None:
     """Carry the motion of one robot over to another."""
     from robot_retarget.formats import FormatOptions, import_motion
-    from robot_retarget.solver.pipeline import transfer as carried
 
     to.require_writable()
-    performer, follower = load(performed.source), frozen.of(load(named_robot(performed.robot), limits.limits))
+    performer, follower = (
+        opt.load(performed.source),
+        frozen.of(opt.load(opt.named_robot(performed.robot), limits.limits)),
+    )
     read = FormatOptions(source_fps=performed.source_fps)
     trajectory = import_motion(performed.motion, performer, performed.format, read)
     legs, balance = following.legs, following.balance
     with progress() as begin:
         bar, what = begin("transfer"), (trajectory, performer, follower)
-        result = carried(*what, fps=rate.fps, preset=rate.preset, legs=legs, balance=balance, progress=bar)
+        result = rr.transfer(*what, fps=rate.fps, preset=rate.preset, legs=legs, balance=balance, progress=bar)
     to.save(result.trajectory, result, printing)
 
 
@@ -137,22 +121,21 @@ def transfer(
 
 @command(epilog="Example: robot-retarget graph dance.bvh --robot op3 --solve")
 def graph(
-    clip: ClipOptions,
-    robot: DefaultRobotOptions,
-    goals: EditedGraphOptions,
-    printing: PrintOptions,
+    clip: opt.ClipOptions,
+    robot: opt.DefaultRobotOptions,
+    goals: opt.EditedGraphOptions,
+    printing: opt.PrintOptions,
     solve: Annotated[bool, typer.Option(help="Solve it too: stress per kind, and the edges that lost most.")] = False,
 ) -> None:
     """Show the edges of a motion on a robot.
 
     Kinds, counts, intervals, priorities, stress.
     """
-    from robot_retarget.solver.pipeline import solve as solved
     from robot_retarget.tools.summary import describe_graph, describe_stress
 
     found = goals.describe(clip.load(), robot.load())
     facts: dict[str, Any] = describe_graph(found)
     if solve:
         with progress() as begin:
-            facts |= describe_stress(solved(found, balance="off", progress=begin("retarget")).solution)
+            facts |= describe_stress(rr.solve(found, balance="off", progress=begin("retarget")).solution)
     printing.show(facts, console.show_graph)

@@ -1,4 +1,4 @@
-"""`stream`: a robot follows a performer now, and a sender to try that with."""
+"""`stream`: a robot follows a performer now."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
@@ -8,26 +8,17 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
+import robot_retarget as rr
 from robot_retarget.base.errors import UsageError, known
 from robot_retarget.tools.cli import console
+from robot_retarget.tools.cli import options as opt
 from robot_retarget.tools.cli.command import command, option, options
-from robot_retarget.tools.cli.options import (
-    ROBOT,
-    FreezeOptions,
-    LimitOptions,
-    PrintOptions,
-    ReadOptions,
-    SceneOptions,
-    load,
-)
 
 if TYPE_CHECKING:
     from robot_retarget.actuators.map import ServoMap
     from robot_retarget.human.skeleton import Skeleton
     from robot_retarget.live.loop import Loop, Sink, StreamStats
     from robot_retarget.live.receiver import FrameSource
-    from robot_retarget.robot import Robot
-    from robot_retarget.scene import Scene
 
 
 SINKS = ("stdout", "view", "mujoco", "servos")
@@ -53,9 +44,7 @@ class StreamInputOptions:
 class StreamOutputOptions:
     """What poses are for."""
 
-    target: str = option(
-        "stdout, view, mujoco or servos; with --send vmc://HOST:PORT or json://….", "--to", default="stdout"
-    )
+    target: str = option("stdout, view, mujoco or servos.", "--to", default="stdout")
     servos: str | None = option(
         "Servo map (.toml) or a shipped robot's; by default the robot's own.", "--servos", "-s", default=None
     )
@@ -67,10 +56,10 @@ class StreamOutputOptions:
 
 
 @options
-class StreamOptions(SceneOptions, FreezeOptions, LimitOptions):
-    """The robot that follows, or the motion that is sent instead."""
+class StreamOptions(opt.SceneOptions, opt.FreezeOptions, opt.LimitOptions):
+    """The robot that follows."""
 
-    robot: str | None = option(f"{ROBOT}.", "--robot", "-r", default=None)
+    robot: str = option(f"{opt.ROBOT}.", "--robot", "-r")
     lag: int = option("Frames of look-ahead: smoother and later by as many frames.", default=0, min=0, max=30)
     calibrate: Path | None = option(
         "Bone lengths, floor and facing (.npz): taken from it, and kept in it at the end.", default=None
@@ -78,27 +67,22 @@ class StreamOptions(SceneOptions, FreezeOptions, LimitOptions):
     seconds: float | None = option(
         "Duration from the first frame on, and longest wait for it [s]; by default until Ctrl-C.", default=None, min=0.1
     )
-    send: Path | None = option("Send this motion file as a performer would, instead.", default=None)
-    fps: float | None = option("With --send: frames a second; by default the motion's own.", default=None)
 
 
 @command(epilog="Example: robot-retarget stream --robot op3 --from vmc --to view")
-def stream(how: StreamOptions, source: StreamInputOptions, place: StreamOutputOptions, printing: PrintOptions) -> None:
+def stream(
+    how: StreamOptions, source: StreamInputOptions, place: StreamOutputOptions, printing: opt.PrintOptions
+) -> None:
     """Have a robot follow a performer live. Ctrl-C ends it with a summary; exit code 1 when servos were stopped."""
     from robot_retarget.base.files import require_suffix, require_writable
 
-    if how.send is not None:
-        _send(how.send, place.target, how, source.speed, printing)
-        return
-    if how.robot is None:
-        raise UsageError("stream needs --robot, or --send and a target to send to")
     if how.calibrate is not None:
         require_suffix(how.calibrate, ".npz", "calibrations are arrays")
         require_writable(how.calibrate)
     if place.target not in SINKS:
         named = known(SINKS, typed=place.target)
-        raise UsageError(f"--to {place.target!r} is no place for poses; {named}; with --send it is vmc://HOST:PORT")
-    model, around = how.of(load(how.robot, how.limits, place.servos)), _scene_of(how, place.target)
+        raise UsageError(f"--to {place.target!r} is no place for poses; {named}")
+    model, around = how.of(opt.load(how.robot, how.limits, place.servos)), _scene_of(how, place.target)
     with _opened(source, around) as frames:
         seconds = float("inf") if how.seconds is None else how.seconds
         poses = StreamRun(model, frames, how.lag, how.calibrate, seconds, around)
@@ -117,12 +101,12 @@ def stream(how: StreamOptions, source: StreamInputOptions, place: StreamOutputOp
 class StreamRun:
     """A robot that follows frames."""
 
-    robot: "Robot"
+    robot: "rr.Robot"
     source: "FrameSource"
     lag: int
     calibrate: Path | None
     seconds: float
-    scene: "Scene | None" = None
+    scene: "rr.Scene | None" = None
 
     def loop(self, sink: "Sink") -> "Loop":
         """The loop into a sink."""
@@ -165,7 +149,7 @@ class StreamRun:
 
 
 @contextmanager
-def _opened(wanted: StreamInputOptions, around: "Scene | None") -> "Iterator[FrameSource]":
+def _opened(wanted: StreamInputOptions, around: "rr.Scene | None") -> "Iterator[FrameSource]":
     """A source, closed at the end; the bodies around the human of a file move as they did."""
     from robot_retarget.live.open import opened
 
@@ -176,15 +160,14 @@ def _opened(wanted: StreamInputOptions, around: "Scene | None") -> "Iterator[Fra
         source.close()
 
 
-def _scene_of(how: StreamOptions, target: str) -> "Scene | None":
+def _scene_of(how: StreamOptions, target: str) -> "rr.Scene | None":
     """Return the bodies around the performer; note that a simulation leaves them out."""
-    from robot_retarget.scene import read_scene
 
     if how.scene is None:
         return None
     if target == "mujoco":
         console.note(f"--to mujoco simulates the robot without the bodies of {how.scene}")
-    return replace(read_scene(how.scene), scale=how.scale)
+    return replace(rr.read_scene(how.scene), scale=how.scale)
 
 
 def _to_stdout(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str, Any], int]:
@@ -270,7 +253,7 @@ def _to_servos(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str, 
     return poses.figures(loop, tally) | {"servos": outcome.figures | {"ended": outcome.sentence}}, outcome.exit_code
 
 
-def _map_of(robot: "Robot", servos: str | None) -> "ServoMap":
+def _map_of(robot: "rr.Robot", servos: str | None) -> "ServoMap":
     from robot_retarget.actuators.map import load_map
 
     if servos is not None:
@@ -281,22 +264,3 @@ def _map_of(robot: "Robot", servos: str | None) -> "ServoMap":
 
 
 _SHOWN = {"stdout": _to_stdout, "view": _to_page, "mujoco": _to_physics, "servos": _to_servos}
-
-
-def _send(clip: Path, target: str, how: StreamOptions, speed: float, printing: PrintOptions) -> None:
-    from threading import Event
-
-    from robot_retarget.graph.describe import among
-    from robot_retarget.live.open import require_osc
-
-    require_osc()
-    from robot_retarget.live.send import send
-    from robot_retarget.servo.host import handling
-
-    motion, stop = among(ReadOptions().read(clip), how.scene), Event()
-    motion = motion if how.fps is None else motion.resample(how.fps)
-    console.to_stderr(f"sending {motion.fps * speed:g} frames a second to {target}")
-    with handling(lambda number: stop.set()):
-        figures = send(motion, target, speed, how.seconds, stop)
-    sent = f"sent {figures['frames']} frames in {figures['seconds']:g} s"
-    printing.show(figures, lambda _: console.to_stderr(sent))

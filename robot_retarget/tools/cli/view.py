@@ -3,24 +3,16 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+import robot_retarget as rr
 from robot_retarget.base.errors import UsageError
 from robot_retarget.tools.cli import console
+from robot_retarget.tools.cli import options as opt
 from robot_retarget.tools.cli.command import argument, command, option, options
 from robot_retarget.tools.cli.console import progress
-from robot_retarget.tools.cli.options import (
-    ForceOptions,
-    LimitOptions,
-    MapOptions,
-    PrintOptions,
-    ReadOptions,
-    load,
-    require_trajectories,
-)
 from robot_retarget.tools.cli.run import require_source
 
 if TYPE_CHECKING:
     from robot_retarget.edit.touchup import Session
-    from robot_retarget.human.motion import Motion
     from robot_retarget.tools.view.web.serve import Served as Server
     from robot_retarget.tools.view.web.take import Take
 
@@ -40,10 +32,10 @@ class DrawOptions:
 
 
 @options
-class ViewOptions(ForceOptions, LimitOptions, MapOptions, ReadOptions):
+class ViewOptions(opt.ForceOptions, opt.LimitOptions, opt.MapOptions, opt.ReadOptions):
     """Trajectories, their robots and their clip."""
 
-    trajectories: list[Path] = argument("Trajectories .npz, side by side.", callback=require_trajectories)
+    trajectories: list[Path] = argument("Trajectories .npz, side by side.", callback=opt.taking("trajectory"))
     robot: list[str] | None = option(
         "As for solve; once for all trajectories, or once for each of them; by default the robot that each names.",
         "--robot",
@@ -71,7 +63,7 @@ class ServeOptions:
 
 
 @command(epilog="Example: robot-retarget view dance.npz --robot op3 --motion dance.bvh")
-def view(viewed: ViewOptions, drawn: DrawOptions, served: ServeOptions, printing: PrintOptions) -> None:
+def view(viewed: ViewOptions, drawn: DrawOptions, served: ServeOptions, printing: opt.PrintOptions) -> None:
     """Look at trajectories in a browser, a page or a film.
 
     Robot, human, contacts, balance, near pairs, limits, curves.
@@ -79,7 +71,6 @@ def view(viewed: ViewOptions, drawn: DrawOptions, served: ServeOptions, printing
     from functools import partial
 
     from robot_retarget.base.files import require_writable
-    from robot_retarget.judge.rollout import simulate
     from robot_retarget.tools.view.web.serve import serve
     from robot_retarget.tools.view.web.take import Viewer
 
@@ -97,28 +88,27 @@ def view(viewed: ViewOptions, drawn: DrawOptions, served: ServeOptions, printing
         editor = None if clip is None else _editor(takes[0], clip, viewed.map_file, served.edits)
         report = takes[0].report
         mode = viewed.simulated or ("auto" if report is None else report.figures["mode"])
-        page = serve(Viewer(takes), served.port, editor, judge=partial(simulate, robot=takes[0].robot, mode=mode))
+        page = serve(Viewer(takes), served.port, editor, judge=partial(rr.simulate, robot=takes[0].robot, mode=mode))
         _answer(page, served.browser, printing)
 
 
-def _takes(viewed: ViewOptions, clip: "Motion | None") -> "tuple[Take, ...]":
-    from robot_retarget.formats import load_trajectory
-    from robot_retarget.judge.rollout import report_beside, simulate
+def _takes(viewed: ViewOptions, clip: "rr.Motion | None") -> "tuple[Take, ...]":
+    from robot_retarget.judge.rollout import report_beside
     from robot_retarget.tools.view.web.take import file_names, take_of
 
     trajectories, mode = viewed.trajectories, viewed.simulated
-    robots = viewed.robot or [load_trajectory(path).robot for path in trajectories]
+    robots = viewed.robot or [rr.load_trajectory(path).robot for path in trajectories]
     if len(robots) not in (1, len(trajectories)):
         raise UsageError(f"--robot is given once, or {len(trajectories)} times; got {len(robots)}")
-    models = {name: load(name, viewed.limits) for name in robots}
+    models = {name: opt.load(name, viewed.limits) for name in robots}
     takes = []
     names = file_names(trajectories) if len(trajectories) > 1 else [""]
     for path, name, file in zip(trajectories, robots * (len(trajectories) // len(robots)), names, strict=True):
-        played = load_trajectory(path, models[name])
+        played = rr.load_trajectory(path, models[name])
         if clip is not None:
             require_source(played, clip, viewed.force)
         beside = report_beside(path, played, models[name], mode)
-        report = simulate(played, models[name], mode=mode) if mode and beside is None else beside
+        report = rr.simulate(played, models[name], mode=mode) if mode and beside is None else beside
         takes.append(take_of(played, models[name], clip, overrides=viewed.map_file, report=report, name=file))
     return tuple(takes)
 
@@ -135,10 +125,9 @@ def _draw(take: "Take", drawn: DrawOptions) -> None:
     what = take.robot, take.trajectory
     shown = (take.human.points, take.human.bones) if take.human else (None, None)
     with progress() as begin:
-        made = [] if drawn.strip is None else [(strip(*what, *shown), drawn.strip)]
-        if drawn.video is not None:
-            made.append((video(*what, drawn.video, *shown, progress=begin("film")), drawn.video))
-    for outcome, path in made:
+        film = drawn.video and (video(*what, drawn.video, *shown, progress=begin("film")), drawn.video)
+        picture = drawn.strip and (strip(*what, *shown), drawn.strip)
+    for outcome, path in filter(None, (picture, film)):
         if isinstance(outcome, Unavailable):
             raise UsageError(f"cannot draw {path}: {outcome.reason}")
         if isinstance(outcome, Picture):
@@ -147,7 +136,7 @@ def _draw(take: "Take", drawn: DrawOptions) -> None:
             console.note(outcome.note)
 
 
-def _editor(take: "Take", motion: "Motion", map_file: Path | None, edits: Path) -> "Session":
+def _editor(take: "Take", motion: "rr.Motion", map_file: Path | None, edits: Path) -> "Session":
     """What touches up the first trajectory."""
     from robot_retarget.edit.touchup import Session, graph_of
 
@@ -155,7 +144,7 @@ def _editor(take: "Take", motion: "Motion", map_file: Path | None, edits: Path) 
     return Session(graph, take.trajectory, edits, edits.with_suffix(".npz"))
 
 
-def _answer(served: "Server", browser: bool, printing: PrintOptions) -> None:
+def _answer(served: "Server", browser: bool, printing: opt.PrintOptions) -> None:
     import os
     import sys
     import webbrowser
