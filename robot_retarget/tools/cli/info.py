@@ -150,7 +150,7 @@ def _rendering() -> ComponentStatus:
 
     context = open_context(PICTURE, PICTURE)
     if isinstance(context, Unavailable):
-        cure = "sudo apt install libegl1 libosmesa6; unset MUJOCO_GL"
+        cure = "sudo apt install libegl1; unset MUJOCO_GL; without EGL: sudo apt install libosmesa6; export MUJOCO_GL=osmesa"
         return ComponentStatus("OpenGL", "optional", f"{context.reason}; pictures are drawn as stick figures", cure)
     context.free()
     return ComponentStatus("OpenGL", "ok", f"pictures are rendered by {type(context).__module__}")
