@@ -11,7 +11,7 @@ from robot_retarget.base.untrusted.arrays import save_npz, shaped
 from robot_retarget.formats.bodies import body_names, body_tracks, robot_bodies, site_tracks, velocities
 from robot_retarget.formats.columns import ArrayKeys, Columns, holds, keyed
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import TrajectoryFormat, TrajectorySource
+from robot_retarget.formats.source import TrajectorySource, declared
 from robot_retarget.robot.model import FREE
 from robot_retarget.robot.timing import require_same_robot
 from robot_retarget.trajectory import KEYS as NATIVE_KEYS
@@ -74,16 +74,7 @@ def read_core(source: TrajectorySource) -> Columns:
     return Columns(qpos[:, 7:], names, qpos[:, :3], qpos[:, 3:7], source.rate)
 
 
-CORE = TrajectoryFormat(
-    name="core",
-    suffix=".npz",
-    description="CoRe's core-robot-motion-v1: qpos, time, names",
-    write=write_core,
-    read=read_core,
-    claims=lambda source: str(source.arrays.get("format")) == TITLE,
-    readers="CoRe",
-    plain=True,
-)
+CORE = declared("core", write_core, read_core, lambda source: str(source.arrays.get("format")) == TITLE)
 
 
 # Format `isaaclab-amp`: the archive of Isaac Lab's humanoid AMP, joints and bodies by name.
@@ -113,15 +104,11 @@ def write_isaaclab_amp(motion: RobotMotion, path: Path) -> None:
     )
 
 
-ISAACLAB_AMP = TrajectoryFormat(
-    name="isaaclab-amp",
-    suffix=".npz",
-    description="Isaac Lab's humanoid AMP archive: named joints and bodies with velocities",
-    write=write_isaaclab_amp,
-    read=lambda source: keyed(source.arrays, AMP_KEYS, source.names("dof_names")),
-    claims=lambda source: holds(source.arrays, *AMP_KEYS.required, "dof_names", "body_names"),
-    readers="Isaac Lab (humanoid_amp)",
-    plain=True,
+ISAACLAB_AMP = declared(
+    "isaaclab-amp",
+    write_isaaclab_amp,
+    lambda source: keyed(source.arrays, AMP_KEYS, source.names("dof_names")),
+    lambda source: holds(source.arrays, *AMP_KEYS.required, "dof_names", "body_names"),
 )
 
 
@@ -188,14 +175,11 @@ def read_locomujoco(source: TrajectorySource) -> Columns:
     )
 
 
-LOCOMUJOCO = TrajectoryFormat(
-    name="locomujoco",
-    suffix=".npz",
-    description="LocoMuJoCo's Trajectory: qpos, qvel, bodies",
-    write=write_locomujoco,
-    read=read_locomujoco,
-    claims=lambda source: {"qpos", "qvel", "split_points", "frequency", "jnt_type"} <= source.arrays.keys(),
-    readers="LocoMuJoCo 1.x (Trajectory.load)",
+LOCOMUJOCO = declared(
+    "locomujoco",
+    write_locomujoco,
+    read_locomujoco,
+    lambda source: {"qpos", "qvel", "split_points", "frequency", "jnt_type"} <= source.arrays.keys(),
 )
 
 
@@ -219,17 +203,11 @@ def write_pyroki(motion: RobotMotion, path: Path) -> None:
     )
 
 
-PYROKI = TrajectoryFormat(
-    name="protomotions-pyroki",
-    suffix=".npz",
-    description="ProtoMotions' PyRoki stage: base frame xyz and wxyz, joint angles",
-    write=write_pyroki,
-    read=lambda source: keyed(source.arrays, PYROKI_KEYS, source.names()),
-    claims=lambda source: holds(source.arrays, *PYROKI_KEYS.required),
-    readers="ProtoMotions (convert_pyroki_retargeted_robot_motions_to_proto.py)",
-    fps=30.0,
-    ordered=True,
-    plain=True,
+PYROKI = declared(
+    "protomotions-pyroki",
+    write_pyroki,
+    lambda source: keyed(source.arrays, PYROKI_KEYS, source.names()),
+    lambda source: holds(source.arrays, *PYROKI_KEYS.required),
 )
 
 
@@ -252,13 +230,4 @@ def read_native(source: TrajectorySource) -> Trajectory:
     return trajectory
 
 
-NATIVE = TrajectoryFormat(
-    name="native",
-    suffix=".npz",
-    description="the trajectory file of every command here",
-    write=write_native,
-    read=read_native,
-    claims=lambda source: set(NATIVE_KEYS) <= source.arrays.keys(),
-    readers="robot-retarget",
-    bodies=True,
-)
+NATIVE = declared("native", write_native, read_native, lambda source: set(NATIVE_KEYS) <= source.arrays.keys())

@@ -12,7 +12,7 @@ from robot_retarget.formats.bodies import central, robot_bodies
 from robot_retarget.formats.columns import FIRST_LAST, Columns
 from robot_retarget.formats.named_csv import rate
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import TrajectoryFormat, TrajectorySource
+from robot_retarget.formats.source import TrajectorySource, declared
 from robot_retarget.robot.kinematics import body_frames
 
 _LINE = "=" * 80
@@ -153,14 +153,4 @@ def _library() -> _Ros:
         raise UsageError(f"MCAP needs mcap: {install_line('formats')}") from None
 
 
-FORMAT = TrajectoryFormat(
-    name="mcap",
-    suffix=".mcap",
-    description="ROS 2 bag: joint states and the transforms of all bodies",
-    write=write,
-    read=read,
-    claims=claims,
-    readers="Foxglove, PlotJuggler, ros2 bag play",
-    ordered=True,
-    quaternion="xyzw",
-)
+FORMAT = declared("mcap", write, read, claims)

@@ -14,7 +14,7 @@ from robot_retarget.formats.bodies import central
 from robot_retarget.formats.columns import Columns, array_in, holds
 from robot_retarget.formats.named_csv import rate
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import TrajectoryFormat, TrajectorySource
+from robot_retarget.formats.source import TrajectorySource, declared
 from robot_retarget.robot.anatomy import LIMBS, joints_by_limb
 from robot_retarget.robot.recognise import recognise
 
@@ -87,17 +87,11 @@ def _yaml() -> Any:
     return yaml
 
 
-JOINT_TRAJECTORY = TrajectoryFormat(
-    name="ros-joint-trajectory",
-    suffix=".yaml",
-    description="ROS 2 JointTrajectory: named joints over time; no root",
-    write=write_joint_trajectory,
-    read=read_joint_trajectory,
-    claims=lambda source: "joint_names:" in source.text and "time_from_start:" in source.text,
-    readers="ROS 2 (joint_trajectory_controller), rosidl YAML tools",
-    ordered=True,
-    root=False,
-    quaternion="none",
+JOINT_TRAJECTORY = declared(
+    "ros-joint-trajectory",
+    write_joint_trajectory,
+    read_joint_trajectory,
+    lambda source: "joint_names:" in source.text and "time_from_start:" in source.text,
 )
 
 
@@ -131,14 +125,9 @@ def read_limb_trajectories(source: TrajectorySource) -> Columns:
     return Columns(np.concatenate(angles, axis=1), names, fps=limbs[0].fps)
 
 
-LIMB_TRAJECTORIES = TrajectoryFormat(
-    name="ros-limb-trajectories",
-    suffix="",
-    description="ROS 2 JointTrajectory for each limb, in a folder; no root",
-    write=write_limb_trajectories,
-    read=read_limb_trajectories,
-    claims=lambda source: any((source.path / name).is_file() for name in FILES),
-    readers="ROS 2 (a joint_trajectory_controller per limb)",
-    root=False,
-    quaternion="none",
+LIMB_TRAJECTORIES = declared(
+    "ros-limb-trajectories",
+    write_limb_trajectories,
+    read_limb_trajectories,
+    lambda source: any((source.path / name).is_file() for name in FILES),
 )

@@ -18,7 +18,7 @@ from robot_retarget.formats.bodies import body_tracks, motor_tracks, onward_velo
 from robot_retarget.formats.columns import Columns, array_in, holds
 from robot_retarget.formats.named_csv import rate
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import TrajectoryFormat, TrajectorySource
+from robot_retarget.formats.source import TrajectorySource, declared
 
 EVERY = 0.5
 """Between keyframes for the editor [s]: as far apart as hand-made ones."""
@@ -78,12 +78,6 @@ def read(source: TrajectorySource) -> Columns:
     return Columns(qpos=qpos, fps=rate(array_in(table, "time", (len(qpos),))))
 
 
-FORMAT = TrajectoryFormat(
-    name="keyframe-kit",
-    suffix=".lz4",
-    description="robot-keyframe-kit and ToddlerBot: qpos, motors, bodies, keyframes",
-    write=write,
-    read=read,
-    claims=lambda source: holds(source.pickled, "keyframes", "timed_sequence", "time", "qpos"),
-    readers="robot-keyframe-kit, ToddlerBot",
+FORMAT = declared(
+    "keyframe-kit", write, read, lambda source: holds(source.pickled, "keyframes", "timed_sequence", "time", "qpos")
 )

@@ -17,7 +17,7 @@ from robot_retarget.base.untrusted.documents import read_json
 from robot_retarget.base.untrusted.tables import parquet, parquet_columns
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import TrajectoryFormat, TrajectorySource
+from robot_retarget.formats.source import TrajectorySource, declared
 
 VERSION = "v3.0"
 INFO, STATISTICS, TASKS = "meta/info.json", "meta/stats.json", "meta/tasks.parquet"
@@ -117,14 +117,4 @@ def read(source: TrajectorySource) -> Columns:
     return Columns(angles, names, root[:, :3], root[:, 3:], float(info["fps"]), notes=notes)
 
 
-FORMAT = TrajectoryFormat(
-    name="lerobot",
-    suffix="",
-    description="LeRobot data set of one episode: joints, next joints and root by frame",
-    write=write,
-    read=read,
-    claims=lambda source: (source.path / INFO).is_file(),
-    readers="LeRobot (LeRobotDataset, version 3.0)",
-    ordered=True,
-    exact=False,
-)
+FORMAT = declared("lerobot", write, read, lambda source: (source.path / INFO).is_file())

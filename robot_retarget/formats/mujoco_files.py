@@ -13,7 +13,7 @@ from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.named_csv import rate
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import TrajectoryFormat, TrajectorySource
+from robot_retarget.formats.source import TrajectorySource, declared
 from robot_retarget.robot.model import Robot
 from robot_retarget.scene import read_scene
 from robot_retarget.scene.geoms import PREFIX
@@ -71,15 +71,11 @@ def read_keys(text: str) -> Columns:
     return Columns(qpos=np.stack([qpos for _, qpos in rows]), fps=rate(np.array([time for time, _ in rows])))
 
 
-KEYFRAMES = TrajectoryFormat(
-    name="mujoco-keyframes",
-    suffix=".xml",
-    description="MJCF keyframes, to be included in the robot's file",
-    write=write_keyframes,
-    read=read_keyframes,
-    claims=lambda source: source.text.lstrip().startswith("<mujoco") and "<key " in source.text,
-    readers="MuJoCo",
-    complete=False,
+KEYFRAMES = declared(
+    "mujoco-keyframes",
+    write_keyframes,
+    read_keyframes,
+    lambda source: source.text.lstrip().startswith("<mujoco") and "<key " in source.text,
 )
 
 
@@ -170,13 +166,9 @@ def read_scene_folder(source: TrajectorySource) -> Columns:
     return replace(columns, scene=read_scene(scene)) if PREFIX in scene.read_text(encoding="utf-8") else columns
 
 
-SCENE_FOLDER = TrajectoryFormat(
-    name="mujoco-scene",
-    suffix="",
-    description="a folder with the robot, its meshes, a floor, keyframes and a player",
-    write=write_scene_folder,
-    read=read_scene_folder,
-    claims=lambda source: (source.path / SCENE).is_file() and (source.path / KEYS).is_file(),
-    readers="MuJoCo (python play.py)",
-    bodies=True,
+SCENE_FOLDER = declared(
+    "mujoco-scene",
+    write_scene_folder,
+    read_scene_folder,
+    lambda source: (source.path / SCENE).is_file() and (source.path / KEYS).is_file(),
 )

@@ -13,7 +13,7 @@ from robot_retarget.base.files import plain_cell
 from robot_retarget.formats.columns import Columns, joint_called
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.rows import NUMBER
-from robot_retarget.formats.source import TrajectoryFormat, TrajectorySource
+from robot_retarget.formats.source import TrajectorySource, declared
 from robot_retarget.robot.model import FREE, HINGE, Robot
 
 # Format `csv`: one row a frame, a header that names every column and its unit.
@@ -130,14 +130,11 @@ def quoted(name: str) -> str:
     return '"' + name.replace('"', '""') + '"' if set(name) & set(',"\n\r') else name
 
 
-CSV = TrajectoryFormat(
-    name="csv",
-    suffix=".csv",
-    description="time, root and joints with a header that names units; every robot",
-    write=write_csv,
-    read=read_csv,
-    claims=lambda source: source.head.startswith(TIME) and ("[rad]" in source.head or "[m]" in source.head),
-    readers="spreadsheets, pandas, plotting",
+CSV = declared(
+    "csv",
+    write_csv,
+    read_csv,
+    lambda source: source.head.startswith(TIME) and ("[rad]" in source.head or "[m]" in source.head),
 )
 
 
@@ -199,17 +196,4 @@ def _require_every_frame(numbers: Floats | None) -> None:
         raise TrajectoryError(f"frame {numbers[first + 1]:g} follows frame {numbers[first]:g}: rows are missing")
 
 
-SOMA = TrajectoryFormat(
-    name="soma",
-    suffix=".csv",
-    description="SOMA's csv: cm, degrees, Euler angles, named joints",
-    write=write_soma,
-    read=read_soma,
-    claims=lambda source: set(ROOT) <= set(source.head.split(",")),
-    readers="SOMA retargeter, BONES-SEED's tools",
-    fps=120.0,
-    complete=False,
-    ordered=True,
-    quaternion="euler",
-    plain=True,
-)
+SOMA = declared("soma", write_soma, read_soma, lambda source: set(ROOT) <= set(source.head.split(",")))

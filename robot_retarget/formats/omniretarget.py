@@ -10,7 +10,7 @@ from robot_retarget.base.untrusted.arrays import save_npz, shaped
 from robot_retarget.formats.bodies import body_tracks, central, turning, velocities
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import TrajectoryFormat, TrajectorySource
+from robot_retarget.formats.source import TrajectorySource, declared
 from robot_retarget.formats.tracking import KEYS
 
 # Format `omniretarget`: what OmniRetarget's retargeter saves, and its published set.
@@ -94,18 +94,8 @@ def _root(qpos: Floats) -> list[int]:
     return [4, 5, 6, 0, 1, 2, 3] if first else [0, 1, 2, 3, 4, 5, 6]
 
 
-OMNIRETARGET = TrajectoryFormat(
-    name="omniretarget",
-    suffix=".npz",
-    description="qpos, position first; read in both orders",
-    write=write_omniretarget,
-    read=read_omniretarget,
-    claims=lambda source: {"qpos"} <= source.arrays.keys() <= NAMED,
-    readers="holosoma (convert_data_format_mj.py, viser_player.py)",
-    fps=30.0,
-    complete=False,
-    ordered=True,
-    plain=True,
+OMNIRETARGET = declared(
+    "omniretarget", write_omniretarget, read_omniretarget, lambda source: {"qpos"} <= source.arrays.keys() <= NAMED
 )
 
 
@@ -179,14 +169,4 @@ def claims_training(source: TrajectorySource) -> bool:
     return positions.ndim == rates.ndim == 2 and positions.shape[1] == rates.shape[1] + 1
 
 
-TRAINING = TrajectoryFormat(
-    name="omniretarget-training",
-    suffix=".npz",
-    description="joints with the root, bodies with the world, with velocities",
-    write=write_training,
-    read=read_training,
-    claims=claims_training,
-    readers="holosoma (training)",
-    fps=50.0,
-    plain=True,
-)
+TRAINING = declared("omniretarget-training", write_training, read_training, claims_training)

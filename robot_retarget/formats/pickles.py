@@ -13,7 +13,7 @@ from robot_retarget.base.untrusted.pickles import dump_pickle, dump_torch
 from robot_retarget.formats.bodies import body_names, body_tracks, robot_bodies, velocities
 from robot_retarget.formats.columns import LAST_FIRST, ArrayKeys, Columns, array_in, holds, keyed
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import TrajectoryFormat, TrajectorySource
+from robot_retarget.formats.source import TrajectorySource, declared
 from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.robot.recognise import recognise
 
@@ -52,18 +52,11 @@ def _in_root(motion: RobotMotion, bodies: np.ndarray) -> Floats:
     return np.einsum("tij,tbj->tbi", undo, places)
 
 
-GMR = TrajectoryFormat(
-    name="gmr",
-    suffix=".pkl",
-    description="GMR's dictionary: root xyz, quaternion xyzw, joints",
-    write=write_gmr,
-    read=lambda source: keyed(source.pickled, GMR_KEYS, source.names()),
-    claims=lambda source: holds(source.pickled, *GMR_KEYS.required),
-    readers="GMR, TWIST, MimicKit (gmr_to_mimickit), TWIST2 (from a model with its bodies left_rubber_hand and head_mocap)",
-    complete=False,
-    ordered=True,
-    quaternion="xyzw",
-    plain=True,
+GMR = declared(
+    "gmr",
+    write_gmr,
+    lambda source: keyed(source.pickled, GMR_KEYS, source.names()),
+    lambda source: holds(source.pickled, *GMR_KEYS.required),
 )
 
 
@@ -90,18 +83,8 @@ def read_mimickit(source: TrajectorySource) -> Columns:
     return Columns(frames[:, 6:], source.names(), frames[:, :3], quaternion, rate_of(source.pickled))
 
 
-MIMICKIT = TrajectoryFormat(
-    name="mimickit",
-    suffix=".pkl",
-    description="MimicKit's motion: root xyz, rotation vector, joints",
-    write=write_mimickit,
-    read=read_mimickit,
-    claims=lambda source: holds(source.pickled, "loop_mode", "fps", "frames"),
-    readers="MimicKit",
-    complete=False,
-    ordered=True,
-    quaternion="rotvec",
-    plain=True,
+MIMICKIT = declared(
+    "mimickit", write_mimickit, read_mimickit, lambda source: holds(source.pickled, "loop_mode", "fps", "frames")
 )
 
 
@@ -156,20 +139,7 @@ def claims_phc(source: TrajectorySource) -> bool:
     return isinstance(clips, dict) and bool(clips) and all(holds(clip, *PHC_KEYS.required) for clip in clips.values())
 
 
-PHC = TrajectoryFormat(
-    name="phc",
-    suffix=".pkl",
-    description="PHC's joblib dictionary: root, rotation vectors, joints; single precision",
-    write=write_phc,
-    read=read_phc,
-    claims=claims_phc,
-    readers="PHC, PBHC, ASAP",
-    complete=False,
-    ordered=True,
-    exact=False,
-    quaternion="xyzw",
-    plain=True,
-)
+PHC = declared("phc", write_phc, read_phc, claims_phc)
 
 
 # Format `protomotions`: a `.motion` of ProtoMotions 3, a dict of tensors that `torch.load` reads.
@@ -198,16 +168,9 @@ def write_protomotions(motion: RobotMotion, path: Path) -> None:
     dump_torch(path, {"fps": motion.fps, **singles, "rigid_body_contacts": contacts})
 
 
-PROTOMOTIONS = TrajectoryFormat(
-    name="protomotions",
-    suffix=".motion",
-    description="ProtoMotions 3 motion: joints and bodies with velocities, as tensors",
-    write=write_protomotions,
-    read=lambda source: keyed(source.pickled, PROTOMOTIONS_KEYS, source.names()),
-    claims=lambda source: holds(source.pickled, *PROTOMOTIONS_KEYS.required),
-    readers="ProtoMotions (MotionLib, packed motion libraries)",
-    complete=False,
-    exact=False,
-    quaternion="xyzw",
-    plain=True,
+PROTOMOTIONS = declared(
+    "protomotions",
+    write_protomotions,
+    lambda source: keyed(source.pickled, PROTOMOTIONS_KEYS, source.names()),
+    lambda source: holds(source.pickled, *PROTOMOTIONS_KEYS.required),
 )

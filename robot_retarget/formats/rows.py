@@ -8,15 +8,17 @@ from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import TrajectoryError
 from robot_retarget.formats.columns import FIRST_LAST, LAST_FIRST, Columns
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import TrajectoryFormat, TrajectorySource
+from robot_retarget.formats.source import ROWS, TrajectoryFormat, TrajectorySource, declared
 
 NUMBER = "%.12g"
 ROOT = 7
 
 
-def rows_format(name: str, description: str, readers: str, quaternion: str) -> TrajectoryFormat:
+def rows_format(name: str) -> TrajectoryFormat:
     """Return a format of rows at 30 frames a second; the quaternion is `wxyz` or `xyzw`."""
-    from_file, to_file = (slice(None),) * 2 if quaternion == "wxyz" else (FIRST_LAST, LAST_FIRST)
+    from_file, to_file = (
+        (slice(None),) * 2 if ROWS[name].get("quaternion", "wxyz") == "wxyz" else (FIRST_LAST, LAST_FIRST)
+    )
 
     def write(motion: RobotMotion, path: Path) -> None:
         rows = np.column_stack([motion.position, motion.quaternion[:, to_file], motion.angles])
@@ -26,20 +28,7 @@ def rows_format(name: str, description: str, readers: str, quaternion: str) -> T
         rows = number_rows(source)
         return Columns(rows[:, ROOT:], source.names(), rows[:, :3], rows[:, 3:ROOT][:, from_file], source.sidecar_fps)
 
-    return TrajectoryFormat(
-        name,
-        ".csv",
-        description,
-        write,
-        read,
-        looks_like_rows,
-        readers,
-        fps=30.0,
-        complete=False,
-        ordered=True,
-        quaternion=quaternion,
-        plain=True,
-    )
+    return declared(name, write, read, looks_like_rows)
 
 
 def number_rows(source: TrajectorySource, skip: int = 0) -> Floats:
@@ -70,18 +59,4 @@ def looks_like_rows(source: TrajectorySource) -> bool:
     return len(first) > ROOT and abs(float(np.linalg.norm(first[3:ROOT])) - 1) < 0.01
 
 
-UNITREE: TrajectoryFormat = rows_format(
-    "unitree",
-    "Unitree LAFAN1 rows without a header: xyz, quaternion xyzw, joints",
-    "mjlab and whole_body_tracking (csv_to_npz), unitree_rl_lab",
-    "xyzw",
-)
-KIMODO: TrajectoryFormat = rows_format(
-    "kimodo", "Kimodo G1 rows without a header: xyz, quaternion wxyz, joints", "Kimodo's tools", "wxyz"
-)
-PROTOMOTIONS_CSV: TrajectoryFormat = rows_format(
-    "protomotions-csv",
-    "ProtoMotions rows without a header: xyz, quaternion wxyz, joints",
-    "ProtoMotions (data/scripts, csv to motion)",
-    "wxyz",
-)
+UNITREE, KIMODO, PROTOMOTIONS_CSV = map(rows_format, ("unitree", "kimodo", "protomotions-csv"))

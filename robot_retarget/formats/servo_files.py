@@ -15,7 +15,7 @@ from robot_retarget.formats.columns import Columns, joint_called
 from robot_retarget.formats.named_csv import TIME, named_table, rate
 from robot_retarget.formats.robot_motion import FormatOptions, RobotMotion
 from robot_retarget.formats.rows import NUMBER
-from robot_retarget.formats.source import TrajectoryFormat, TrajectorySource
+from robot_retarget.formats.source import TrajectorySource, declared
 from robot_retarget.robot.model import Robot
 
 # Format `servo-ticks`: goal positions of Dynamixel servos, `time [s]` and `NAME [tick]` a joint, by the robot's servo map.
@@ -68,17 +68,11 @@ def servo_map_of(robot: Robot, options: FormatOptions) -> ServoMap:
     return load_map(options.servos or robot.name)
 
 
-SERVO_TICKS = TrajectoryFormat(
-    name="servo-ticks",
-    suffix=".csv",
-    description="goal positions of Dynamixel servos by the robot's servo map; no root",
-    write=write_servo_ticks,
-    read=read_servo_ticks,
-    claims=lambda source: source.head.startswith(TIME) and TICK in source.head,
-    readers="servo scripts; goal_position of the Dynamixel protocol",
-    exact=False,
-    root=False,
-    quaternion="none",
+SERVO_TICKS = declared(
+    "servo-ticks",
+    write_servo_ticks,
+    read_servo_ticks,
+    lambda source: source.head.startswith(TIME) and TICK in source.head,
 )
 
 
@@ -204,16 +198,9 @@ def _even(angles: Floats, durations: Floats) -> tuple[Floats, float]:
     return np.stack([np.interp(grid, times, column) for column in angles.T], axis=1), 1 / CYCLE
 
 
-OP3_ACTION = TrajectoryFormat(
-    name="op3-action",
-    suffix=".bin",
-    description="action pages of the ROBOTIS OP3: keyframes of servo goals, linked pages; no root",
-    write=write_op3_action,
-    read=read_op3_action,
-    claims=lambda source: source.path.is_file() and source.path.stat().st_size == PAGES * SIZE,
-    readers="ROBOTIS OP3 (op3_action_module, op3_action_editor)",
-    fps=FPS,
-    exact=False,
-    root=False,
-    quaternion="none",
+OP3_ACTION = declared(
+    "op3-action",
+    write_op3_action,
+    read_op3_action,
+    lambda source: source.path.is_file() and source.path.stat().st_size == PAGES * SIZE,
 )

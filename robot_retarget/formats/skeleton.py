@@ -14,7 +14,7 @@ from robot_retarget.base.errors import MotionError, TrajectoryError
 from robot_retarget.formats.bodies import body_names, robot_bodies
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import TrajectoryFormat, TrajectorySource
+from robot_retarget.formats.source import TrajectorySource, declared
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.readers.bvh import read_bvh, write_bvh
 from robot_retarget.human.skeleton import Skeleton
@@ -106,15 +106,4 @@ def claims(source: TrajectorySource) -> bool:
     return start[:2] == ["HIERARCHY", "ROOT"] and start[2] in body_names(source.robot, robot_bodies(source.robot))
 
 
-FORMAT = TrajectoryFormat(
-    name="bvh",
-    suffix=".bvh",
-    description="the robot's own skeleton, a joint a body",
-    write=write,
-    read=read,
-    claims=claims,
-    readers="Blender, MotionBuilder and other animation programs",
-    exact=False,
-    quaternion="euler",
-    plain=True,
-)
+FORMAT = declared("bvh", write, read, claims)

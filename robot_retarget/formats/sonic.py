@@ -18,7 +18,7 @@ from robot_retarget.formats.bodies import body_tracks, breadth_first_bodies, bre
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.rows import NUMBER
-from robot_retarget.formats.source import TrajectoryFormat, TrajectorySource
+from robot_retarget.formats.source import TrajectorySource, declared
 
 METADATA, NAMES, RATE = "metadata.txt", "Joint names:", "Frames per second:"
 JOINTS, PLACES, TURNS = "joint_pos.csv", "body_pos.csv", "body_quat.csv"
@@ -82,14 +82,6 @@ def _table(path: Path) -> Floats:
     return table
 
 
-FORMAT = TrajectoryFormat(
-    name="sonic",
-    suffix="",
-    description="reference folder of SONIC: tables of joints and bodies, breadth first",
-    write=write,
-    read=read,
-    claims=lambda source: all((source.path / name).is_file() for name in (JOINTS, PLACES, TURNS)),
-    readers="GR00T-WholeBodyControl (gear_sonic_deploy)",
-    fps=50.0,
-    plain=True,
+FORMAT = declared(
+    "sonic", write, read, lambda source: all((source.path / name).is_file() for name in (JOINTS, PLACES, TURNS))
 )

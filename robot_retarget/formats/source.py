@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -159,35 +160,44 @@ class TrajectorySource:
         return start[:1] == b"\x80" or start == LZ4_MAGIC or self.path.suffix.lower() in PICKLES
 
 
+ROWS: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("formats.toml").read_text(encoding="utf-8"))
+"""Facts of each format, which that file explains."""
+
+
 @dataclass(frozen=True)
 class TrajectoryFormat:
-    """One kind of file that holds the motion of a robot."""
+    """One kind of file that holds the motion of a robot; `formats.toml` explains the facts."""
 
     name: str
-    suffix: str
-    """The usual end of the file's name; empty for a folder."""
-    description: str
     write: Callable[[RobotMotion, Path], None]
     """Writes the file or folder; raises UsageError when the robot does not suit the format."""
     read: Callable[[TrajectorySource], Columns | Trajectory]
     """Reads it; raises TrajectoryError when it is not as the format has it."""
     claims: Callable[[TrajectorySource], bool]
     """Whether a file looks as if it were of this format."""
+    suffix: str
+    description: str
     readers: str
-    """Programs that read it."""
     fps: float | None = None
-    """Rate that its readers take for granted [1/s]; None where the file says its own."""
+    """[1/s]."""
     complete: bool = True
-    """Whether the file itself states joint names, quaternion order and rate; if not, a JSON file next to it does."""
     ordered: bool = False
-    """Whether the joints can be written in any order (`--joints`)."""
     exact: bool = True
-    """Whether a written file reads back to 1e-9 m and rad."""
     plain: bool = False
-    """Whether it holds a free root and hinges, and no other robots."""
-    root: bool = True
-    """Whether the file holds the pose of the root."""
     quaternion: str = "wxyz"
-    """How the file orders the root's quaternion, or `euler`, `rotvec`, `none`."""
     bodies: bool = False
-    """Whether the file itself holds the bodies around the robot; if not, an MJCF file next to it does."""
+
+    @property
+    def root(self) -> bool:
+        """Whether the file holds the pose of the root."""
+        return self.quaternion != "none"
+
+
+def declared(
+    name: str,
+    write: Callable[[RobotMotion, Path], None],
+    read: Callable[[TrajectorySource], Columns | Trajectory],
+    claims: Callable[[TrajectorySource], bool],
+) -> TrajectoryFormat:
+    """Return a format of `formats.toml` with its functions."""
+    return TrajectoryFormat(name, write, read, claims, **ROWS[name])

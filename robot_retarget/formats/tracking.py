@@ -24,7 +24,7 @@ from robot_retarget.formats.bodies import (
 )
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import TrajectoryFormat, TrajectorySource
+from robot_retarget.formats.source import TrajectoryFormat, TrajectorySource, declared
 from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.robot.model import Robot
 
@@ -50,7 +50,7 @@ DEPTH_FIRST: Order = hinges_of, robot_bodies
 BREADTH_FIRST: Order = breadth_first_hinges, breadth_first_bodies
 
 
-def tracking_format(name: str, description: str, readers: str, order: Order, mass: bool) -> TrajectoryFormat:
+def tracking_format(name: str, order: Order, mass: bool) -> TrajectoryFormat:
     """Return a format of these archives.
 
     Args:
@@ -59,16 +59,11 @@ def tracking_format(name: str, description: str, readers: str, order: Order, mas
     """
     hinges, bodies = order
     other, theirs = (breadth_first_hinges, "beyondmimic") if order == DEPTH_FIRST else (hinges_of, "mjlab")
-    return TrajectoryFormat(
-        name=name,
-        suffix=".npz",
-        description=description,
-        write=lambda motion, path: _write(motion, path, hinges(motion.robot), bodies(motion.robot), mass),
-        read=lambda source: _read(source, hinges(source.robot), (other(source.robot), theirs)),
-        claims=lambda source: _claims(source, hinges(source.robot), other(source.robot)),
-        readers=readers,
-        fps=50.0,
-        plain=True,
+    return declared(
+        name,
+        lambda motion, path: _write(motion, path, hinges(motion.robot), bodies(motion.robot), mass),
+        lambda source: _read(source, hinges(source.robot), (other(source.robot), theirs)),
+        lambda source: _claims(source, hinges(source.robot), other(source.robot)),
     )
 
 
@@ -171,13 +166,7 @@ def _claims(source: TrajectorySource, hinges: Ints, other: Ints) -> bool:
 # Joints and bodies **breadth first**; `body_lin_vel_w` is that of the bodies' centres of mass, as Isaac Lab has it. Root and
 # joint velocities by central differences over two frames, bodies moved by them.
 
-BEYONDMIMIC: TrajectoryFormat = tracking_format(
-    "beyondmimic",
-    "joints and bodies breadth first, with velocities",
-    "whole_body_tracking (BeyondMimic)",
-    BREADTH_FIRST,
-    mass=True,
-)
+BEYONDMIMIC: TrajectoryFormat = tracking_format("beyondmimic", BREADTH_FIRST, mass=True)
 
 
 # Format `mjlab`: what mjlab's `csv_to_npz.py` makes.
@@ -185,6 +174,4 @@ BEYONDMIMIC: TrajectoryFormat = tracking_format(
 # Joints and bodies **depth first**, as MuJoCo has them; `body_lin_vel_w` is that of the bodies' frames. Root and joint
 # velocities by central differences over two frames, bodies moved by them. mjlab does not read `fps`: it plays a frame a step.
 
-MJLAB: TrajectoryFormat = tracking_format(
-    "mjlab", "joints and bodies depth first, with velocities", "mjlab (tracking tasks)", DEPTH_FIRST, mass=False
-)
+MJLAB: TrajectoryFormat = tracking_format("mjlab", DEPTH_FIRST, mass=False)
