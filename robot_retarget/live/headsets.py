@@ -3,7 +3,7 @@
 import importlib
 import time
 from contextlib import ExitStack
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,18 +30,6 @@ class TrackedBody(NamedTuple):
     """On the headset's clock [s]; None where it gives none."""
 
 
-class Headset(Protocol):
-    """A program that knows the newest body."""
-
-    def ask(self) -> TrackedBody | None:
-        """Return the body if it is another than before."""
-        ...
-
-    def close(self) -> None:
-        """End the connection."""
-        ...
-
-
 class HeadsetSource:
     """Frames of a headset; joints that are not tracked are held in their parents."""
 
@@ -49,7 +37,7 @@ class HeadsetSource:
     dropped = 0
     ended = False
 
-    def __init__(self, headset: Headset, faults: FaultCounter) -> None:
+    def __init__(self, headset: "XrtHeadset | IsaacHeadset", faults: FaultCounter) -> None:
         self._headset, self.faults = headset, faults
         self._body, self._clock = HeldBody(), SenderClock(faults)
         self.skeleton = self._body.skeleton

@@ -13,9 +13,6 @@ from robot_retarget.base.arrays import JERK_PEAK, Floats, frozen, minimum_jerk
 from robot_retarget.base.errors import ServoError
 from robot_retarget.trajectory import FREE_ROOT, Trajectory
 
-SEAM = 0.1
-"""Largest distance between the ends of a looped motion [rad]."""
-
 
 @dataclass(frozen=True)
 class ServoPlan:
@@ -84,30 +81,15 @@ def plain_plan(trajectory: Trajectory, servo_map: ServoMap, rate: float = RATE) 
     return ServoPlan(angles, trajectory.fps, up=_vertical(trajectory)).resampled(rate)
 
 
-def part_of(
-    trajectory: Trajectory, speed: float = 1.0, loops: int = 1, start: float = 0.0, stop: float | None = None
-) -> Trajectory:
-    """Return a part of a trajectory, `start` to `stop` [s], at a speed factor, looped; without goals.
+def at_speed(trajectory: Trajectory, speed: float) -> Trajectory:
+    """Return a trajectory at a speed factor, without goals.
 
     Raises:
-        ServoError: the part is empty, the speed out of range, or repeating it would jump.
+        ServoError: the speed is out of range.
     """
     if not 0.05 <= speed <= 5:
         raise ServoError(f"--speed {speed:g} is not in 0.05…5")
-    if loops < 1:
-        raise ServoError(f"--loop {loops} is not 1 or more")
-    end = trajectory.duration if stop is None else stop
-    if not 0 <= start <= end <= trajectory.duration + 1e-9:
-        raise ServoError(f"--from {start:g} --to {end:g} is no part of 0…{trajectory.duration:g} s")
-    frames = slice(round(start * trajectory.fps), round(end * trajectory.fps) + 1)
-    qpos, times = trajectory.qpos[frames], trajectory.source_time[frames]
-    hinges = qpos[:, -len(trajectory.joint_names) :]
-    seam = float(np.abs(hinges[0] - hinges[-1]).max())
-    if loops > 1 and seam > SEAM:
-        raise ServoError(f"its end is {seam:.2f} rad from its beginning: it cannot be looped")
-    if loops > 1:
-        qpos, times = np.concatenate([qpos, *[qpos[1:]] * (loops - 1)]), np.zeros(0)
-    return trajectory.altered(qpos=qpos, fps=trajectory.fps * speed, source_time=times)
+    return trajectory.altered(fps=trajectory.fps * speed)
 
 
 def glide(start: Floats, end: Floats, rate: float, limits: Limits) -> ServoPlan:

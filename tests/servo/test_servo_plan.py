@@ -1,4 +1,4 @@
-"""A plan is the chosen part of the trajectory at the chosen speed, with smooth approaches before and after."""
+"""A plan is the trajectory at the chosen speed, with smooth approaches before and after."""
 
 import numpy as np
 import pytest
@@ -10,31 +10,16 @@ from robot_retarget.actuators.goals import Goals
 from robot_retarget.actuators.map import Limits
 from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.performance import MADE_UP, ticks_to_skip
-from robot_retarget.servo.plan import glide, goal_plan, part_of, plain_plan
+from robot_retarget.servo.plan import at_speed, glide, goal_plan, plain_plan
 from robot_retarget.trajectory import Trajectory
 
 RAMP = Trajectory(np.linspace(0, 1, 101)[:, None] * np.ones(4), 50, ARM.joints, "arm")
 """Half a radian a second, for two seconds."""
 
 
-def test_a_part_is_played_at_its_speed() -> None:
-    plan = plain_plan(part_of(RAMP, speed=0.5, start=0.4, stop=1.2), ARM, 100.0)
-    assert plan.duration == pytest.approx(1.6)
-    assert plan.angles[[0, 80, 160], 0] == pytest.approx([0.2, 0.4, 0.6])
-    assert plan.top_speed == pytest.approx(0.25)
-
-
-def test_what_ends_where_it_began_is_looped() -> None:
-    times = np.arange(0, 1.001, 0.02)[:, None]
-    waves = Trajectory(0.3 * np.sin(2 * np.pi * times) * np.ones(4), 50, ARM.joints, "arm")
-    plan = plain_plan(part_of(waves, loops=3), ARM, 200.0)
-    assert plan.duration == pytest.approx(3)
-    assert plan.angles[[50, 250, 450], 1] == pytest.approx([0.3] * 3, abs=2e-3)
-
-
 @given(st.floats(0.3, 3.0), st.floats(11.0, 300.0))
 def test_a_plan_at_another_rate_is_the_same_path(speed: float, rate: float) -> None:
-    plan = plain_plan(part_of(RAMP, speed), ARM, rate)
+    plan = plain_plan(at_speed(RAMP, speed), ARM, rate)
     straight = 0.5 * speed * np.arange(len(plan.angles)) / rate
     assert plan.angles[:, 2] == pytest.approx(np.minimum(straight, 1.0), abs=1e-9)
     assert abs(plan.duration - 2 / speed) <= 0.5 / rate + 1e-9
@@ -50,19 +35,9 @@ def test_goals_are_played_as_they_are_stored_in_the_order_of_the_map() -> None:
         goal_plan(RAMP, ARM)
 
 
-@pytest.mark.parametrize(
-    ("wish", "message"),
-    [
-        ({"loops": 2}, "its end is 1.00 rad from its beginning"),
-        ({"loops": 0}, "--loop 0"),
-        ({"speed": 9.0}, "--speed 9 is not in"),
-        ({"start": 1.5, "stop": 1.0}, r"--from 1.5 --to 1 is no part of 0…2 s"),
-        ({"stop": 3.0}, r"--to 3 is no part"),
-    ],
-)
-def test_a_part_that_cannot_be_played_is_refused(wish: dict[str, float], message: str) -> None:
-    with pytest.raises(ServoError, match=message):
-        part_of(RAMP, **wish)  # pyright: ignore[reportArgumentType]
+def test_a_speed_that_cannot_be_played_is_refused() -> None:
+    with pytest.raises(ServoError, match="--speed 9 is not in"):
+        at_speed(RAMP, 9.0)
 
 
 @given(st.lists(st.floats(-3, 3), min_size=4, max_size=4), st.lists(st.floats(-3, 3), min_size=4, max_size=4))

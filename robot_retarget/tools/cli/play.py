@@ -25,7 +25,9 @@ if TYPE_CHECKING:
 OPEN_LOOP = (
     "the goals passed with feedback: simulate --no-feedback judges them without it, and --unsafe sends them unjudged"
 )
-ALTERED = "--rate, --speed, --loop, --from, --to and --freeze alter the judged motion: add --plain, which simulates the altered one first, or --unsafe"
+ALTERED = (
+    "--speed and --freeze alter the judged motion: add --plain, which simulates the altered one first, or --unsafe"
+)
 
 
 @options
@@ -48,13 +50,7 @@ class PlayOptions(opt.BaudOptions):
     mode: Literal["free", "pinned"] = option(
         "free (on a floor), or pinned: the robot's pelvis is fixed.", default="free"
     )
-    rate: float | None = option(
-        "With --plain or --unsafe: ticks a second, 125 by default.", default=None, min=10, max=1000
-    )
     speed: float = option("With --plain or --unsafe: factor of the trajectory's speed.", default=1.0)
-    loop: int = option("With --plain or --unsafe: number of repetitions.", default=1)
-    start: float = option("With --plain or --unsafe: begin here [s].", "--from", default=0.0)
-    stop: float | None = option("With --plain or --unsafe: end here [s].", "--to", default=None)
     freeze: list[str] | None = option(
         "With --plain or --unsafe: joints that keep their standing angle, head_*, or another, head_pan=0.2 [rad]; repeatable.",
         default=None,
@@ -80,19 +76,18 @@ class PlayOptions(opt.BaudOptions):
     @property
     def altered(self) -> bool:
         """Whether the motion is other than the one in the file."""
-        given = (self.rate, self.speed, self.loop, self.start, self.stop, self.freeze)
-        return given != (None, 1.0, 1, 0.0, None, None)
+        return self.speed != 1.0 or self.freeze is not None
 
-    def part(self, trajectory: "rr.Trajectory") -> "rr.Trajectory":
-        """Return the wanted part of a trajectory, at its speed, as often as wanted, with joints frozen."""
+    def altering(self, trajectory: "rr.Trajectory") -> "rr.Trajectory":
+        """Return a trajectory at the wanted speed, with joints frozen."""
         from robot_retarget.robot.override import freeze, held
-        from robot_retarget.servo.plan import part_of
+        from robot_retarget.servo.plan import at_speed
 
         if self.freeze:
             trajectory = held(
                 trajectory, freeze(opt.load(self.robot or trajectory.robot, servos=self.servos), self.freeze)
             )
-        return part_of(trajectory, self.speed, self.loop, self.start, self.stop)
+        return at_speed(trajectory, self.speed)
 
 
 @command(epilog="Example: robot-retarget play out/trajectory.npz --servos op3 --port /dev/ttyUSB0")
@@ -188,17 +183,16 @@ def _plain(trajectory: "rr.Trajectory", how: PlayOptions, servo_map: "ServoMap")
     from robot_retarget.servo.plan import goal_plan
 
     model, feedback = opt.load(how.robot or trajectory.robot, servos=how.servos), None if how.feedback else False
-    return goal_plan(judged_plain(how.part(trajectory), model, how.mode, how.rate or RATE, feedback), servo_map)
+    return goal_plan(judged_plain(how.altering(trajectory), model, how.mode, RATE, feedback), servo_map)
 
 
 def _unjudged(trajectory: "rr.Trajectory", how: PlayOptions, servo_map: "ServoMap") -> "ServoPlan":
     """Return the stored goals of an unaltered trajectory, else the plain trajectory."""
-    from robot_retarget.actuators.goals import RATE
     from robot_retarget.servo.plan import goal_plan, plain_plan
 
     if trajectory.goals is not None and not how.altered:
         return goal_plan(trajectory, servo_map)
-    return plain_plan(how.part(trajectory), servo_map, how.rate or RATE)
+    return plain_plan(how.altering(trajectory), servo_map)
 
 
 def _show(outcome: "PlaybackOutcome", log: Path, printing: opt.PrintOptions) -> None:

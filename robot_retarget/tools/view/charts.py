@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.base.arrays import Floats
+from robot_retarget.base.arrays import Floats, intervals
 from robot_retarget.base.errors import install_line
 from robot_retarget.collision.warn import Warnings
 from robot_retarget.judge.report import Report
@@ -199,12 +199,11 @@ def timeline(report: Report, warnings: Warnings | None) -> str:
     def draw(figure: Any) -> None:
         axes = figure.subplots()
         for row, pair in enumerate(shown):
-            bars = (
-                _stretches(warnings.flagged[:, pair], warnings.fps),
-                _stretches(warnings.touching[:, pair], warnings.fps),
-            )
-            axes.broken_barh(bars[0], (row - 0.36, 0.72), color=PLAIN, alpha=0.55, lw=0)
-            axes.broken_barh(bars[1], (row - 0.36, 0.72), color=ALARM, lw=0)
+            for flags, colour, alpha in ((warnings.flagged, PLAIN, 0.55), (warnings.touching, ALARM, 1.0)):
+                bars = [
+                    (first / warnings.fps, (stop - first) / warnings.fps) for first, stop in intervals(flags[:, pair])
+                ]
+                axes.broken_barh(bars, (row - 0.36, 0.72), color=colour, alpha=alpha, lw=0)
             at = [time for links, time in report.touches if links == frozenset(warnings.pairs[pair])]
             axes.plot(at, [row] * len(at), "v", color=ALARM, ms=4.5, mew=0)
         axes.set_yticks(range(len(shown)), [" – ".join(warnings.pairs[pair]) for pair in shown])
@@ -214,13 +213,6 @@ def timeline(report: Report, warnings: Warnings | None) -> str:
         axes.grid(axis="y", visible=False)
 
     return _svg("timeline", 0.24 * len(shown) + 0.8, draw)
-
-
-def _stretches(flags: np.ndarray, fps: float) -> list[tuple[float, float]]:
-    """(start, length) of every run of flags [s]."""
-    edge = np.diff(flags.astype(int), prepend=0, append=0)
-    starts, stops = np.flatnonzero(edge == 1), np.flatnonzero(edge == -1)
-    return [(start / fps, (stop - start) / fps) for start, stop in zip(starts, stops, strict=True)]
 
 
 def _svg(name: str, height: float, draw: Callable[[Any], None]) -> str:

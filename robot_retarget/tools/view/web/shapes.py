@@ -1,6 +1,5 @@
 """What is seen of a robot and of the bodies around it: geoms, and meshes with few enough triangles for a page."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,7 +8,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.base.arrays import Floats, Ints
+from robot_retarget.base.arrays import Floats, Ints, intervals
 from robot_retarget.base.errors import MatchError
 from robot_retarget.base.keypoints import parents_within
 from robot_retarget.collision.warn import Warnings
@@ -205,22 +204,16 @@ def footholds(stance: Stance) -> list[dict[str, Any]]:
     """
     found = []
     for k, name in enumerate(stance.feet.names):
-        for first, last in runs(stance.touching[:, k]):
-            middle = (first + last) // 2
+        for first, stop in intervals(stance.touching[:, k]):
+            middle = (first + stop - 1) // 2
             points = stance.points[middle, (stance.feet.owner == k) & stance.down[middle]]
             if len(points):
                 place = {
                     "outline": outline(points[:, :2]).round(4).tolist(),
                     "height": round(float(points[:, 2].mean()), 4),
                 }
-                found.append({"foot": name, "first": first, "last": last} | place)
+                found.append({"foot": name, "first": first, "last": stop - 1} | place)
     return found
-
-
-def runs(flags: np.ndarray) -> Iterator[tuple[int, int]]:
-    """First and last place of every stretch of flags (T,)."""
-    edge = np.diff(np.asarray(flags).astype(np.int8), prepend=0, append=0)
-    return zip(np.flatnonzero(edge == 1).tolist(), (np.flatnonzero(edge == -1) - 1).tolist(), strict=True)
 
 
 def near_pairs(staging: Staging, warnings: Warnings) -> tuple[Ints, Floats]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.base.arrays import Floats, path_to_root
+from robot_retarget.base.arrays import Floats, intervals, path_to_root
 from robot_retarget.judge.report import Report
 from robot_retarget.robot.dynamics import Stance, planned_stance
 from robot_retarget.robot.kinematics import body_frames
@@ -23,7 +23,6 @@ from robot_retarget.tools.view.web.shapes import (
     keypoints_of,
     near_pairs,
     outline,
-    runs,
     shapes_of,
     shapes_of_scene,
 )
@@ -261,7 +260,7 @@ def _stance(stance: Stance, packer: Packer) -> dict[str, Any]:
     outlines = [outline(points[down, :2]) for points, down in zip(stance.points, stance.down, strict=True)]
     return {
         "feet": list(stance.feet.names),
-        "schedule": [list(runs(touching)) for touching in stance.touching.T],
+        "schedule": [[(first, stop - 1) for first, stop in intervals(touching)] for touching in stance.touching.T],
         "footholds": footholds(stance),
         "counts": packer.add([len(corners) for corners in outlines]),
         "outlines": packer.add(np.concatenate(outlines) if outlines else np.zeros((0, 2)), LENGTH),
