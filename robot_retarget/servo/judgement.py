@@ -14,9 +14,11 @@ from robot_retarget.actuators.map import ServoMap
 from robot_retarget.base.errors import ServoError, known
 from robot_retarget.base.untrusted.documents import FORMAT_VERSION, NAMES, content_sha256, read_json, read_toml
 from robot_retarget.servo.link import JointScale
-from robot_retarget.servo.plan import SEAM, ServoPlan, goal_plan, parting
+from robot_retarget.servo.plan import ServoPlan, goal_plan, parting
 from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory
 
+SEAM = 0.1
+"""Largest distance between the stand of a clip and the first pose of the next [rad]."""
 FAILED = "it did not pass: "
 """Begins the message of a failed simulation, which another one of the same file does not mend."""
 

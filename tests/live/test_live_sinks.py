@@ -1,4 +1,4 @@
-"""Poses become lines, goals of simulated servos, targets of emulated ones: nothing beyond a limit, no jump over the cap."""
+"""Poses become lines, targets of emulated ones: nothing beyond a limit, no jump over the cap."""
 
 import io
 import json
@@ -16,7 +16,7 @@ from robot_retarget.graph.track import Status
 from robot_retarget.live.frame import FaultCounter
 from robot_retarget.live.loop import Loop
 from robot_retarget.live.motion_files import Replay, load_calibration, save_calibration
-from robot_retarget.live.sinks import LineSink, PhysicsSink, ServoSink, run_servos
+from robot_retarget.live.sinks import LineSink, ServoSink, run_servos
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.contacts import replay_contacts
 from robot_retarget.servo.cycle import Guard
@@ -50,16 +50,6 @@ def test_a_motion_file_goes_by_in_real_time_and_frames_overdue_are_dropped() -> 
             time.sleep(0.1)
     assert time.monotonic() - began > 0.45
     assert source.dropped >= 10 and len(times) + source.dropped == 60
-
-
-@pytest.mark.parametrize("mode", ["pinned", "free"])
-def test_simulated_servos_follow_in_real_time(mode: str) -> None:
-    sink = PhysicsSink(OP3, mode)
-    source = Replay(clip(), FaultCounter())
-    Loop(source, lambda skeleton: Swing(OP3, skeleton), sink).run(1.5)
-    figures = sink.figures()
-    assert figures["simulated_s"] + figures["left_out_s"] == pytest.approx(1.5, abs=0.1)
-    assert figures["tracking_rms_rad"] < 0.08 and figures["fell_s"] is None
 
 
 def test_a_map_of_other_joints_is_refused_with_their_names() -> None:

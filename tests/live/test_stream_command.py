@@ -23,7 +23,7 @@ def run(*words: str) -> subprocess.CompletedProcess[str]:
     ("words", "said"),
     [
         ((), "--robot"),
-        (("--robot", "op3", "--to", "mars"), "known: stdout, view, mujoco, servos"),
+        (("--robot", "op3", "--to", "mars"), "is not one of 'stdout', 'view', 'servos'"),
         (("--robot", "op3", "--from", "nowhere.bvh"), "neither a motion file nor one of vmc, json"),
         (("--robot", "op3", "--from", WAVE, "--port", "9"), "--port applies to received frames"),
         (("--robot", "op3", "--from", WAVE, "--to", "servos"), "--serial"),

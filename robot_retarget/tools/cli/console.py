@@ -267,8 +267,6 @@ STREAMED = {
     "latency_p50_ms": ("latency from frame to pose, median", "ms"),
     "latency_p99_ms": ("latency, 99th percentile", "ms"),
     "latency_max_ms": ("latency, maximum", "ms"),
-    "tracking_rms_rad": ("tracking error of all joints (rms)", "rad"),
-    "fell_s": ("time of the fall", "s"),
 }
 """Figures of a live stream that a person reads: words and unit."""
 

@@ -1,7 +1,7 @@
 """`stream`: a robot follows a performer now."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable
+from contextlib import closing, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import typer
 
 import robot_retarget as rr
-from robot_retarget.base.errors import UsageError, known
+from robot_retarget.base.errors import UsageError
 from robot_retarget.tools.cli import console
 from robot_retarget.tools.cli import options as opt
 from robot_retarget.tools.cli.command import command, option, options
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from robot_retarget.live.receiver import FrameSource
 
 
-SINKS = ("stdout", "view", "mujoco", "servos")
 EMULATED = "emulated"
 
 
@@ -44,13 +43,11 @@ class StreamInputOptions:
 class StreamOutputOptions:
     """What poses are for."""
 
-    target: str = option("stdout, view, mujoco or servos.", "--to", default="stdout")
+    target: Literal["stdout", "view", "servos"] = option("Where poses go.", "--to", default="stdout")
     servos: str | None = option(
         "Servo map (.toml) or a shipped robot's; by default the robot's own.", "--servos", "-s", default=None
     )
     serial: str = option("Serial port of the servos; `emulated` starts an emulated robot with physics.", default="")
-    mode: Literal["pinned", "free"] = option("With --to mujoco: pinned (the pelvis is held) or free.", default="pinned")
-    window: bool = option("With --to mujoco: show it in a window.", "--window", default=False)
     page: int = option("With --to view: where to serve the page; 0 takes a free port.", default=8410)
     log: Path = option("With --to servos: the log to write (.npz).", default=Path("play.npz"))
 
@@ -75,15 +72,14 @@ def stream(
 ) -> None:
     """Have a robot follow a performer live. Ctrl-C ends it with a summary; exit code 1 when servos were stopped."""
     from robot_retarget.base.files import require_suffix, require_writable
+    from robot_retarget.live.open import opened
 
     if how.calibrate is not None:
         require_suffix(how.calibrate, ".npz", "calibrations are arrays")
         require_writable(how.calibrate)
-    if place.target not in SINKS:
-        named = known(SINKS, typed=place.target)
-        raise UsageError(f"--to {place.target!r} is no place for poses; {named}")
-    model, around = how.of(opt.load(how.robot, how.limits, place.servos)), _scene_of(how, place.target)
-    with _opened(source, around) as frames:
+    model = how.of(opt.load(how.robot, how.limits, place.servos))
+    around = None if how.scene is None else replace(rr.read_scene(how.scene), scale=how.scale)
+    with closing(opened(**vars(source), scene=around, say=console.to_stderr)) as frames:
         seconds = float("inf") if how.seconds is None else how.seconds
         poses = StreamRun(model, frames, how.lag, how.calibrate, seconds, around)
         figures, code = _SHOWN[place.target](poses, place)
@@ -148,28 +144,6 @@ class StreamRun:
             console.to_stderr(f"saved the calibration of the performer in {self.calibrate}")
 
 
-@contextmanager
-def _opened(wanted: StreamInputOptions, around: "rr.Scene | None") -> "Iterator[FrameSource]":
-    """A source, closed at the end; the bodies around the human of a file move as they did."""
-    from robot_retarget.live.open import opened
-
-    source = opened(**vars(wanted), scene=around, say=console.to_stderr)
-    try:
-        yield source
-    finally:
-        source.close()
-
-
-def _scene_of(how: StreamOptions, target: str) -> "rr.Scene | None":
-    """Return the bodies around the performer; note that a simulation leaves them out."""
-
-    if how.scene is None:
-        return None
-    if target == "mujoco":
-        console.note(f"--to mujoco simulates the robot without the bodies of {how.scene}")
-    return replace(rr.read_scene(how.scene), scale=how.scale)
-
-
 def _to_stdout(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str, Any], int]:
     import sys
 
@@ -220,17 +194,6 @@ def _reachable(host: str) -> str:
             return host
 
 
-def _to_physics(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str, Any], int]:
-    from robot_retarget.live.sinks import PhysicsSink
-
-    sink = PhysicsSink(poses.robot, place.mode, place.window)
-    try:
-        figures = poses.run(sink)
-    finally:
-        sink.close()
-    return figures | sink.figures(), 0
-
-
 def _to_servos(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str, Any], int]:
     from robot_retarget.base.files import require_writable
     from robot_retarget.live.sinks import ServoSink, run_servos
@@ -263,4 +226,4 @@ def _map_of(robot: "rr.Robot", servos: str | None) -> "ServoMap":
     return robot.servo_map
 
 
-_SHOWN = {"stdout": _to_stdout, "view": _to_page, "mujoco": _to_physics, "servos": _to_servos}
+_SHOWN = {"stdout": _to_stdout, "view": _to_page, "servos": _to_servos}
