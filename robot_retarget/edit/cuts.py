@@ -146,7 +146,7 @@ def _way_from_stand(path: Floats, robot: Robot, fps: float, seconds: float) -> F
 
 # Ways into a stand: at moments of a balanced playback, a branch that comes to rest along its path and ends in a stand.
 #
-# A branch is a trajectory of its own. It has the frames and the goals of the playback up to its moment, and it is judged as any
+# A branch is a separate trajectory. It has the frames and the goals of the playback up to its moment, and it is judged as any
 # trajectory. A player continues to the next moment and takes the branch there.
 
 REST = 0.5

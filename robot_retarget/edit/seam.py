@@ -172,7 +172,7 @@ class SeamTable:
 
     @cached_property
     def supports(self) -> Bools:
-        """(L, E, F) whether a foot stands in every frame of both motions."""
+        """(L, E, F) whether a foot is in stance in every frame of both motions."""
         return np.asarray(self.before.down[:, None] & self.after.down[None])
 
     @cached_property
@@ -231,7 +231,7 @@ class SeamTable:
         found = [spans.lost for spans in (self.before, self.after) if spans.lost]
         if not found and self.supports.shape[2] and not self.supports[0, 0].any():
             stand = f"{self.before.standing} before, {self.after.standing} after"
-            found.append(f"no foot stands in both throughout the seam: {stand}")
+            found.append(f"the clips share no stance foot throughout the seam: {stand}")
         if not self.balanced and self.gaps[0, 0] > self.slip:
             found.append(f"feet {100 * self.gaps[0, 0]:.0f} cm apart (balance plans a step)")
         if not self.balanced and self.least[0, 0] > self.duration:
@@ -290,7 +290,7 @@ def found_seam(
 
 def _refusal(before: Motion, after: Motion, reasons: Iterable[str], pair: tuple[int, int] | None) -> str:
     """Return why two motions do not fit together, and which frames do."""
-    named = f"{before.source or 'a clip'} does not go over into {after.source or 'the next'}"
+    named = f"{before.source or 'a clip'} cannot continue with {after.source or 'the next'}"
     if pair is None:
         return f"{named}: {'; '.join(reasons)}; no frames within {NEAR:g} s do"
     at = f"{pair[0] / before.fps:.2f}:{pair[1] / after.fps:.2f}"

@@ -128,7 +128,7 @@ def _shares(frames: np.ndarray, first: int, last: int, around: int) -> Floats:
 
 
 def _reached(graph: RobotGraph, edit: Edit, measured: Mapping[str, Floats], frames: slice, qpos: Floats) -> str:
-    """The measured range of an edge at its frames, what was asked for, and why it is missed.
+    """The measured range of an edge at its frames, its interval, and the cause of a miss.
 
     Args:
         qpos: (F, nq) of the robot at these frames.
@@ -142,7 +142,7 @@ def _reached(graph: RobotGraph, edit: Edit, measured: Mapping[str, Floats], fram
     bounds = 100 * np.atleast_1d(np.asarray(edit.values["at"], float))
     missed = np.abs(values - np.clip(values, bounds[0], bounds[-1]))
     cause = _cause(graph, edit, qpos[int(missed.argmin())]) if missed.min() > MISSED else ""
-    return f"{a} and {b} are {values.min():.1f} to {values.max():.1f} cm apart; asked for: {_asked(bounds)}{cause}"
+    return f"{a} and {b} are {values.min():.1f} to {values.max():.1f} cm apart; interval: {_asked(bounds)}{cause}"
 
 
 def _asked(bounds: Floats) -> str:
@@ -157,7 +157,7 @@ def _asked(bounds: Floats) -> str:
 
 
 def _cause(graph: RobotGraph, edit: Edit, qpos: Floats) -> str:
-    """Why an edge is missed where it is missed least: joints at their limits, or edges that are stronger."""
+    """The cause of a miss at the frame of the least miss: joints at their limits, or stronger edges."""
     robot = graph.robot
     known, ends = graph.match.anatomy.sites, map(edit.values.get, "ab")
     sites = [known[end] for end in ends if isinstance(end, str) and end in known]

@@ -1,4 +1,4 @@
-"""A frozen controller as the plant's control law: what it observes, what its actions mean, and how it drives a robot.
+"""A frozen controller as the plant's control law: its observations, its actions, and the loop with a robot.
 
     goal = default + scale * action,     action = policy(observation),     torque = k_p (goal - q) - k_d omega
 
@@ -41,7 +41,7 @@ class Term:
 
 @dataclass(frozen=True)
 class Contract:
-    """What a policy observes and what its actions mean."""
+    """Observations and actions of a policy."""
 
     rate: float
     """Actions a second [1/s]."""

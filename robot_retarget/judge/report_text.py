@@ -60,7 +60,7 @@ ELSEWHERE = {
 
 
 def headline(report: Report) -> str:
-    """Return the outcome in one sentence for a reader who is new to reports."""
+    """Return the outcome in one sentence, for a new reader of reports."""
     figures = report.figures
     if figures["unstable_s"] is not None:
         return f"The simulation broke down at {figures['unstable_s']:g} s of {figures['duration_s']:.1f} s."

@@ -140,7 +140,7 @@ class IsaacHeadset:
 
 
 def _numbers(values: Any) -> Floats:
-    """Return numbers as an array; empty where they are none."""
+    """Return values as an array of numbers; empty for other values."""
     try:
         return np.array(values, dtype=float)
     except (TypeError, ValueError):

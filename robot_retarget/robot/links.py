@@ -192,7 +192,7 @@ class Links:
     def extent(self, link: int) -> Floats:
         """Points (P, 3) of a link's surface, and the origins of welded bodies without geoms: a hand may be a frame alone.
 
-        Solid geoms that reach less far than `STUB` of what is seen stand for the joint alone: the surface is what is seen.
+        Solid geoms with a reach below `STUB` of that of the visible geoms model the joint alone; the surface is then that of the visible geoms.
         """
         frames = [b for b in self.bodies(link) if b != link and b not in self.model.geom_bodyid]
         solid, seen = (self.surface(link, seen=seen) for seen in (False, True))

@@ -130,7 +130,7 @@ def test_what_was_asked_for_is_said_in_the_words_of_the_form(
     form = (ROOT / "robot_retarget/tools/view/web/assets/touch.js").read_text()
     assert asked.split(" ")[0] in form and " ".join(asked.split(" ")[:2]).rstrip("0123456789 ") in form
     done = apply_edit(*solved, Edit("edge", {**HANDS.values, "at": at}))
-    assert f"asked for: {asked}" in done.reached
+    assert f"interval: {asked}" in done.reached
 
 
 def test_an_edge_out_of_reach_names_the_joints_that_stop_it(solved: tuple[RobotGraph, Trajectory]) -> None:

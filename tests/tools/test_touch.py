@@ -96,7 +96,7 @@ def test_a_touch_up_by_mouse_gives_the_file_of_the_command_line(opened: Tab, fol
     form = "document.getElementById('relation').value = 'most'; document.getElementById('far').value = '9';"
     opened.run(form)
     press(opened, "apply")
-    assert "2 edits" in opened.run(SAID) and "asked for: at most 9 cm" in opened.run(SAID)
+    assert "2 edits" in opened.run(SAID) and "interval: at most 9 cm" in opened.run(SAID)
     opened.run("document.getElementById('keep').click()")
     opened.until("return document.querySelector('#touch output').textContent.startsWith('wrote')")
     given = "--motion", WAVE, "--edges", folder / "EDITS.toml"

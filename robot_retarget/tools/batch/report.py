@@ -110,7 +110,7 @@ def examples_of(rows: Sequence[Row], chosen: Sequence[Chosen], count: int) -> li
 
 
 def _histogram(rows: Sequence[Row], name: str) -> dict[str, object] | None:
-    """Return a figure's histogram, its bars as shares of the tallest; None where it does not apply."""
+    """Return a figure's histogram, its bars as shares of the tallest; None for a figure without values."""
     values = np.array([v for row in rows if (v := row.figures.get(name)) is not None], dtype=float)
     if not values.size:
         return None
