@@ -150,21 +150,3 @@ def pair_interaction(
     product, square = (separation * relative_step).sum(-1), (relative_step**2).sum(-1)
     k = steps_ahead(product, square, options)
     return np.linalg.norm(separation + k[..., None] * relative_step, axis=-1), 1.0 + k
-
-
-def pair_gradient(separation: Floats, relative_step: Floats, options: Interaction | None = None) -> tuple[Floats, ...]:
-    """∂D/∂p_v^t = α n and ∂D/∂p_v^(t−1) = (1 − α) n with n = r/‖r‖, r = c + k w; for u the signs turn.
-
-    α is held (D has kinks where it switches); the gradient is 0 where D = 0.
-
-    Args:
-        separation: c (…, K) [m].
-        relative_step: w (…, K) [m].
-
-    Returns:
-        (…, K) with respect to the current and to the previous position of v.
-    """
-    distance, alpha = pair_interaction(separation, relative_step, options)
-    r = separation + (alpha - 1.0)[..., None] * relative_step
-    n = np.divide(r, distance[..., None], out=np.zeros_like(r), where=distance[..., None] > 0)
-    return alpha[..., None] * n, (1.0 - alpha)[..., None] * n

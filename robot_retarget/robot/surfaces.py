@@ -20,7 +20,7 @@ from robot_retarget.robot.model import Robot
 # get no corners, because a corner inside a box has no direction out of it.
 
 TOUCHING = 1e-9
-"""Boxes this near have no direction between them [m]."""
+"""Surfaces this near have no direction between them [m]."""
 TOGETHER = 32
 """Configurations in which all boxes are compared with each other at once: their distances stay in the processor's cache."""
 _CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))

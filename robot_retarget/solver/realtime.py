@@ -134,7 +134,7 @@ class BasinEscape:
         way = self._way(before)
         hinges = self._leads(way)
         if hinges.any():
-            needed = (way / self.solver.bounds(targets).speed)[hinges].max() / self.options.unhurried
+            needed = (way / self.solver.problem.limits.bounds(targets).speed)[hinges].max() / self.options.unhurried
             since = before[self.solver.robot.qpos_index]
             self.lead = HomeTransition(hinges, since, max(float(needed), self.options.ease))
 

@@ -12,7 +12,7 @@ from robot_retarget.robot.dynamics import raise_root, root_dofs
 from robot_retarget.robot.kinematics import SweptConfiguration, difference, integrate, parts_between
 from robot_retarget.solver.compiled import QuadraticPrograms
 from robot_retarget.solver.descent import Box, Descent, FrameSolution, TrustRegions, frame_model
-from robot_retarget.solver.limits import JointBounds, Targets
+from robot_retarget.solver.limits import Targets
 from robot_retarget.solver.options import SolveOptions
 from robot_retarget.solver.problem import Problem
 from robot_retarget.solver.quadratic import Between, CostModel, Proximal, Quadratic, diagonal
@@ -220,18 +220,14 @@ class FrameSolver:
         q[hinges] = np.clip(q[hinges], self.robot.lower, self.robot.upper)
         return replace(pose, qpos=q)
 
-    def bounds(self, targets: Targets) -> JointBounds:
-        """Return the bounds of the hinges at a frame."""
-        return self.problem.limits.bounds(targets)
-
     def ranges(self, targets: Targets) -> Box:
         """Return the ranges of the hinges at a frame."""
-        bounds = self.bounds(targets)
+        bounds = self.problem.limits.bounds(targets)
         return Box(bounds.lower, bounds.upper)
 
     def reachable(self, before: Floats, targets: Targets, time: float) -> Box:
         """Return the ranges of the hinges at a frame, cut to the angles in reach of a configuration (nq,) within a time [s]."""
-        bounds = self.bounds(targets)
+        bounds = self.problem.limits.bounds(targets)
         return Box(bounds.lower, bounds.upper).around([(before[self.robot.qpos_index], bounds.speed * time)])
 
     def depth(self, qpos: Floats) -> float:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.errors import GraphError, UsageError
-from robot_retarget.graph.interaction import pair_gradient, pair_interaction
+from robot_retarget.graph.interaction import pair_interaction
 from robot_retarget.papers import Interaction, interaction_distance
 from robot_retarget.papers.branch import feasible_balls, interacting_positions
 
@@ -158,25 +158,6 @@ def test_horizon_loses_at_most_its_steps() -> None:
     np.testing.assert_allclose(distance[:, 0], expected, atol=1e-10)
     assert alpha.max() == 8
     assert interaction_distance(before, now, horizon=0)[1].max() == 1
-
-
-def test_gradient_meets_finite_differences() -> None:
-    before, now = random_pairs(300)
-    step = now - before
-    c, w = now[:, 1] - now[:, 0], step[:, 1] - step[:, 0]
-    for options in (Interaction(), Interaction(4), Interaction(continuous=True)):
-        value, alpha = pair_interaction(c, w, options)
-        smooth = (value > 0.3) & (alpha <= 10)
-        for which, exact in enumerate(pair_gradient(c, w, options)):
-            for axis in range(3):
-                move = np.eye(3)[axis] * 1e-6
-                # Moving p_v^t moves c and w, moving p_v^(t−1) moves w alone, the other way.
-                dc, dw = (move, move) if which == 0 else (0 * move, -move)
-                ends = [pair_interaction(c + sign * dc, w + sign * dw, options) for sign in (1, -1)]
-                kept = smooth & (np.abs(ends[0][1] - ends[1][1]) < (1e-3 if options.continuous else 1e-9))
-                assert kept.sum() > 100
-                numeric = (ends[0][0] - ends[1][0])[kept] / 2e-6
-                np.testing.assert_allclose(exact[kept, axis], numeric, rtol=0, atol=1e-7)
 
 
 def test_continuous_relaxation_is_within_half_a_step() -> None:
