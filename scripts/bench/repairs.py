@@ -63,7 +63,7 @@ def _moved_back(solver: FrameSolver, poses: list[Any]) -> list[Any]:
 
 def outcome(solver: FrameSolver, graph: RobotGraph, qpos: Floats) -> Outcome:
     """Measure configurations (T, nq)."""
-    targets = targets_of(graph.tracks).frames(np.arange(len(qpos)))
+    targets = targets_of(graph.tracks).at(np.arange(len(qpos)))
     links = solver.costs.overlap(qpos)
     between = solver.depths_between(qpos[:-1], qpos[1:])
     third = np.diff(qpos[:, solver.robot.qpos_index], 3, axis=0) * graph.fps**3
