@@ -19,6 +19,7 @@ from shared_files import ROOT
 
 import robot_retarget
 from robot_retarget.formats import FORMATS
+from robot_retarget.judge.verdict import TEXTS
 from robot_retarget.tools.cli import app
 
 DOCS = ROOT / "docs"
@@ -119,6 +120,15 @@ def test_the_table_of_tested_robots_is_the_recorded_one() -> None:
     script = [sys.executable, str(ROOT / "scripts" / "tools" / "readme_table.py"), "--check"]
     checked = subprocess.run(script, capture_output=True, text=True)
     assert checked.returncode == 0, checked.stdout
+
+
+def test_every_verdict_is_counted_in_the_table_of_tested_robots() -> None:
+    script = runpy.run_path(str(ROOT / "scripts/tools/readme_table.py"))
+    for _, parts, *_ in script["HEADS"].values():
+        cell = script["verdict_cell"](parts, [f"{text} (free)" for text in (*TEXTS.values(), "fail")])
+        assert [int(count) for count in re.findall(r"\d+", cell)] == [2, 1, 1, 2, 6]
+        with pytest.raises(ValueError, match="'passes'"):
+            script["verdict_cell"](parts, ["passes"])
 
 
 def test_counts_of_the_readmes_are_those_of_the_lists() -> None:

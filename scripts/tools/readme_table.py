@@ -24,18 +24,20 @@ ROBOTS = {
 HEADS = {
     "README.md": (
         "| robot | angle of limbs to the human's | jerk [rad/s³] | stands free in simulation |",
-        "{passed} passed, {unlike} passed but unlike the human, {failed} failed, of {clips} clips",
+        ("{} passed", "{} passed but unlike the human", "{} not playable standing", "{} failed", ", of {} clips"),
         "not tested",
         "Means over eleven public clips, recorded on {solved}; the OP3-class robot stands free on its servos, recorded on {stood}.",
     ),
     "README.zh.md": (
         "| 机器人 | 肢体与人的夹角 | 加加速度 [rad/s³] | 仿真中自由站立 |",
-        "{clips} 个动作中 {passed} 个通过，{unlike} 个通过但与人不像，{failed} 个失败",
+        ("{} 个通过", "{} 个通过但与人不像", "{} 个无法站立完成", "{} 个失败", "（共 {} 个动作）"),
         "未测试",
         "十一个公开动作的平均值，记录于 {solved}；OP3 级机器人在其舵机上自由站立，记录于 {stood}。",
     ),
 }
-"""Per README: head of the table, a cell with verdicts, a cell without, and the sentence below."""
+"""Per README: head of the table, the parts of a cell with verdicts, a cell without, and the sentence below."""
+VERDICTS = (("pass", "pass, at the edge"), ("pass, but unlike",), ("not playable standing",), ("fail",))
+"""The verdicts that each part of a cell counts."""
 
 
 def rows(page: Path, heading: str, column: str) -> list[dict[str, str]]:
@@ -60,17 +62,27 @@ def table(readme: str) -> str:
     head, verdicts, none, below = HEADS[readme]
     suite, upright = ROOT / "benchmarks/retargeting.md", ROOT / "benchmarks/balance.md"
     solved, stood = "Eleven clips on five robots", "Clips that stay upright"
-    counted = Counter(row["verdict"].split(" (")[0] for row in rows(upright, stood, "verdict"))
-    counts = {
-        "passed": counted["pass"] + counted["pass, at the edge"],
-        "unlike": counted["pass, but unlike"],
-        "failed": counted["fail"],
-    }
+    free = verdict_cell(verdicts, [row["verdict"] for row in rows(upright, stood, "verdict")])
     lines = [head, "|---|---|---|---|"]
     for row in rows(suite, solved, "limbs"):
-        free = verdicts.format(clips=counted.total(), **counts) if row["robot"] == "robotis_op3" else none
-        lines.append(f"| {ROBOTS[row['robot']]} | {row['limbs']}° | {row['jerk']} | {free} |")
+        cell = free if row["robot"] == "robotis_op3" else none
+        lines.append(f"| {ROBOTS[row['robot']]} | {row['limbs']}° | {row['jerk']} | {cell} |")
     return "\n".join([*lines, "", below.format(solved=recorded(suite, solved), stood=recorded(upright, stood))])
+
+
+def verdict_cell(parts: tuple[str, ...], verdicts: list[str]) -> str:
+    """Return how many clips have each kind of verdict; kinds without any are left out.
+
+    Raises:
+        ValueError: a verdict that no part counts.
+    """
+    counted = Counter(verdict.split(" (")[0] for verdict in verdicts)
+    if strange := counted.keys() - {name for names in VERDICTS for name in names}:
+        raise ValueError(f"no part of the table counts the verdict {sorted(strange)[0]!r}")
+    counts = [sum(counted[name] for name in names) for names in VERDICTS]
+    comma = "，" if parts[-1].startswith("（") else ", "
+    named = comma.join(part.format(count) for part, count in zip(parts, counts, strict=False) if count)
+    return named + parts[-1].format(len(verdicts))
 
 
 def demo_block() -> str:
