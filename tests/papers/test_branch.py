@@ -180,11 +180,11 @@ def test_dense_sensor_networks_are_solved_from_classical_starts(seed: int) -> No
     assert solve(graph, rough.positions, Newton()).largest_error < 1e-6
 
 
-@pytest.mark.parametrize(("count", "seed"), [(56, 1)])
+@pytest.mark.parametrize(("count", "seed"), [(44, 2)])
 def test_sparse_sensor_networks_are_solved_from_lifted_starts(count: int, seed: int) -> None:
     graph = sensor_network(count, seed)
     assert len(graph.edges) < 4 * count
-    rough = multistart(graph, list(lifted_starts(graph, 20, seed)))
+    rough = multistart(graph, list(lifted_starts(graph, 12, seed)))
     assert solve(graph, rough.positions, Newton()).largest_error < 1e-3
 
 
