@@ -251,13 +251,13 @@ PAIR = ("body_link", "r_el_link")
 
 @dataclass(frozen=True)
 class Wide(SeparationKind):
-    """A second kind of surfaces: the margin of forearm and trunk grows as the human's hand comes down."""
+    """A second kind of surfaces: the margin of forearm and trunk grows as the hand comes down, to less than they have in the stand."""
 
     name: str = "wide"
     follows_human = True
 
     def targets(self, context: RetargetContext) -> Track:
-        margin = np.maximum(0.05 - 0.04 * raised(context), 0.0)
+        margin = np.maximum(0.0465 - 0.04 * raised(context), 0.0)
         return limit(self, [PAIR], -np.inf, np.inf, len(margin)).bounded(margin, np.inf)
 
 
