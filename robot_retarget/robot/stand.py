@@ -24,8 +24,6 @@ STAY = 0.01
 """Weight of the angles of hinges [1/rad] over that of the directions [-]: between equal poses the reference pose decides."""
 TRIED = 3
 """Number of quarter turns of the hinges that a descent starts from: the nearest."""
-STEP = 1e-6
-"""Of differences [rad]."""
 
 
 @lru_cache(maxsize=KEPT)
@@ -65,14 +63,9 @@ def _hang(robot: Robot, anatomy: Anatomy, side: str, pose: Floats) -> None:
         turned[:, columns] = angles
         return np.hstack([(_bones(robot, points, turned) - wanted).reshape(len(angles), -1), STAY * (angles - own)])
 
-    def slopes(angles: Floats) -> Floats:
-        """Return (6 + n, n) by forward differences."""
-        moved = errors(angles + np.vstack([0 * angles, STEP * np.eye(len(angles))]))
-        return (moved[1:] - moved[0]).T / STEP
-
     starts = np.clip(own + _starts(len(hinges)), *bounds)
     nearest = starts[np.argsort((errors(starts) ** 2).sum(axis=1))[:TRIED]]
-    found = [least_squares(lambda angles: errors(angles[None])[0], s, slopes, bounds, xtol=1e-6) for s in nearest]
+    found = [least_squares(lambda angles: errors(angles[None])[0], s, bounds=bounds, xtol=1e-6) for s in nearest]
     pose[columns] = min(found, key=lambda solved: solved.cost).x
 
 

@@ -83,6 +83,7 @@ class mjtObj(IntEnum):
     mjOBJ_BODY = 1
     mjOBJ_XBODY = 2
     mjOBJ_JOINT = 3
+    mjOBJ_SITE = 6
 
 class mjtOrientation(IntEnum):
     mjORIENTATION_QUAT = 0
@@ -259,6 +260,8 @@ class MjModel:
     actuator_ctrllimited: Bools
     actuator_forcelimited: Bools
     eq_active0: Bools
+    eq_obj1id: Ints
+    eq_type: Ints
     jnt_actfrclimited: Bools
     jnt_limited: Bools
     tendon_limited: Bools
