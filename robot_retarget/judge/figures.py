@@ -247,11 +247,14 @@ def fall_figures(rollout: Rollout, robot: Robot, trajectory: Trajectory) -> dict
 
 
 def _collapsed(rollout: Rollout, robot: Robot, trajectory: Trajectory) -> np.ndarray:
-    """(N,) whether the root is at less than `SUNK` of its planned height, both above where the plan has the floor: z = 0."""
+    """(N,) whether the root is at less than `SUNK` of its planned height, both above where the plan has the floor: z = 0.
+
+    Both are taken where the centre of mass is at first, because a model may have its root's frame on the floor.
+    """
     height = robot.root_address + 2
     planned = np.interp(rollout.times, np.arange(len(trajectory)) / trajectory.fps, trajectory.qpos[:, height])
-    lift = planned[:1] - rollout.qpos[:1, height]
-    return rollout.qpos[:, height] + lift < SUNK * planned
+    lift, middle = planned[:1] - rollout.qpos[:1, height], rollout.com[:1, 2] - rollout.qpos[:1, height]
+    return rollout.qpos[:, height] + lift + middle < SUNK * (planned + middle)
 
 
 def _feet(robot: Robot, contacts: Contacts) -> list[int]:

@@ -2,25 +2,21 @@
 
     goal = default + scale * action,     action = policy(observation),     torque = k_p (goal - q) - k_d omega
 
-A contract states joints, gains and observations. It is read from `FILE.toml` beside `FILE.onnx`, or from the metadata of mjlab
-(BeyondMimic) and of holosoma's walkers.
+A contract states joints, gains and observations; `policy_files` reads it.
 """
 
-import json
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from robot_retarget.actuators.goals import Goals
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import UsageError, known
-from robot_retarget.base.untrusted.documents import read_toml
 from robot_retarget.judge.plant import Plant
 from robot_retarget.robot.timing import sample
 from robot_retarget.trajectory import Trajectory
@@ -34,7 +30,8 @@ class Term:
     """A part of the observation."""
 
     name: str
-    scale: float = 1.0
+    scale: float | tuple[float, ...] = 1.0
+    """Of the value, or of each of its numbers."""
     history: int = 1
     """Number of its latest values, the oldest first; before the first they repeat it."""
 
@@ -58,6 +55,14 @@ class Contract:
     observation: tuple[Term, ...]
     period: float = 1.0
     """Of the gait, for the terms `sin_phase` and `cos_phase` [s]."""
+    earlier: int = 0
+    """Number of earlier observations that follow the present one, zeros before the first ..."""
+    newest_first: bool = False
+    """... and whether the latest of them comes first."""
+    after: tuple[Term, ...] = ()
+    """Terms that follow them."""
+    clip: float = np.inf
+    """Largest action that moves a goal [-]."""
 
     def __post_init__(self) -> None:
         for name in ("default", "scale", "stiffness", "damping"):
@@ -65,7 +70,7 @@ class Contract:
             if value.shape not in ((), (len(self.joints),)) or not np.isfinite(value).all():
                 raise UsageError(f"policy: {name} has the shape {value.shape}, there are {len(self.joints)} joints")
             object.__setattr__(self, name, np.broadcast_to(value, len(self.joints)))
-        for term in self.observation:
+        for term in (*self.observation, *self.after):
             if term.name not in TERMS:
                 raise UsageError(f"policy: no observation {term.name!r}; {known(TERMS, 20, typed=term.name)}")
 
@@ -80,100 +85,6 @@ class Policy:
     width: int | None = None
     """Of its observation, where the controller states it."""
     name: str = "policy"
-
-
-def read_policy(path: str | Path) -> Policy:
-    """Read an ONNX policy and its contract.
-
-    Raises:
-        UsageError: onnxruntime is not installed, the file is no policy, or nothing states its contract.
-    """
-    try:
-        import onnxruntime  # pyright: ignore[reportMissingImports]  (the extra `policy`)
-    except ImportError:
-        raise UsageError("--policy needs onnxruntime: pip install onnxruntime") from None
-    try:
-        session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
-    except Exception as error:  # onnxruntime's errors share no other base
-        raise UsageError(f"{path} is no ONNX policy: {str(error).splitlines()[0]}") from error
-    beside, metadata = Path(path).with_suffix(".toml"), session.get_modelmeta().custom_metadata_map
-    if not beside.exists() and not ({"joint_names", "dof_names"} & metadata.keys()):
-        raise UsageError(f"{path}: no metadata of mjlab or holosoma, and no contract {beside}")
-    try:
-        contract = contract_of(read_toml(beside, UsageError)) if beside.exists() else from_metadata(metadata)
-    except (KeyError, TypeError, ValueError) as error:
-        raise UsageError(f"{path}: its contract lacks or breaks {error}") from error
-    first, *others = session.get_inputs()
-    if others:
-        raise UsageError(f"{path}: a policy takes one observation, this one also {', '.join(i.name for i in others)}")
-    out, width = session.get_outputs()[0].name, first.shape[-1]
-
-    def act(observation: Floats) -> Floats:
-        return np.asarray(
-            session.run([out], {first.name: observation[None].astype(np.float32)})[0], dtype=float
-        ).ravel()
-
-    return Policy(contract, act, width if isinstance(width, int) else None, Path(path).name)
-
-
-def contract_of(table: Mapping[str, Any]) -> Contract:
-    """Return the contract in a TOML table; `observation` lists names, or tables of `name`, `scale` and `history`."""
-    terms = tuple(Term(term) if isinstance(term, str) else Term(**term) for term in table["observation"])
-    return Contract(**{**table, "joints": tuple(table["joints"]), "observation": terms})
-
-
-def from_metadata(metadata: Mapping[str, str]) -> Contract:
-    """Return the contract in the metadata of mjlab's policies, or of holosoma's walkers on the G1 and the T1."""
-    if "joint_names" in metadata:
-        default, scale, stiffness, damping = (
-            np.array([float(word) for word in metadata[key].split(",")])
-            for key in ("default_joint_pos", "action_scale", "joint_stiffness", "joint_damping")
-        )
-        names = metadata["observation_names"].split(",")
-        terms = tuple(Term(part) for name in names for part in MJLAB.get(name, (name,)))
-        return Contract(50.0, tuple(metadata["joint_names"].split(",")), default, scale, stiffness, damping, terms)
-    joints = tuple(json.loads(metadata["dof_names"]))
-    stand, gyro, speeds = next((row for joint, row in HOLOSOMA.items() if joint in joints), ({}, 1.0, 1.0))
-    if not stand:
-        raise UsageError(
-            f"policy: holosoma's walkers are known with {' or '.join(HOLOSOMA)} among their joints: write a contract"
-        )
-    terms = (
-        Term("actions"), Term("gyro", gyro), Term("command_turn"), Term("command_velocity"), Term("cos_phase"),
-        Term("joints"), Term("speeds", speeds), Term("gravity"), Term("sin_phase"),
-    )  # fmt: skip
-    default = np.array([next((angle for end, angle in stand.items() if joint.endswith(end)), 0.0) for joint in joints])
-    stiffness, damping = (np.array(json.loads(metadata[key])) for key in ("kp", "kd"))
-    return Contract(50.0, joints, default, np.array(0.25), stiffness, damping, terms)
-
-
-MJLAB = {
-    "command": ("reference_joints", "reference_speeds"),
-    "motion_anchor_pos_b": ("reference_place",),
-    "motion_anchor_ori_b": ("reference_turn",),
-    "joint_pos": ("joints",),
-    "joint_vel": ("speeds",),
-    "base_ang_vel": ("gyro",),
-    "base_lin_vel": ("velocity",),
-    "projected_gravity": ("gravity",),
-}
-"""Terms of mjlab's tracking task by the names in its metadata; `actions` is one of ours."""
-HOLOSOMA: dict[str, tuple[dict[str, float], float, float]] = {
-    "left_hip_pitch_joint": (
-        {
-            "hip_pitch_joint": -0.312, "knee_joint": 0.669, "ankle_pitch_joint": -0.363, "elbow_joint": 0.6,
-            "shoulder_pitch_joint": 0.2, "left_shoulder_roll_joint": 0.2, "right_shoulder_roll_joint": -0.2,
-        }, 0.25, 0.05,
-    ),
-    "AAHead_yaw": (
-        {
-            "Shoulder_Pitch": 0.2, "Left_Shoulder_Roll": -1.35, "Right_Shoulder_Roll": 1.35, "Left_Elbow_Yaw": -0.5,
-            "Right_Elbow_Yaw": 0.5, "Hip_Pitch": -0.2, "Knee_Pitch": 0.4, "Ankle_Pitch": -0.25,
-        }, 1.0, 0.1,
-    ),
-}  # fmt: skip
-"""By one of a robot's joints: its standing pose [rad], and the scales of gyroscope and speeds. From the configuration of holosoma at
-fc600e7d: the metadata have joints and gains only, and the observation is in alphabetical order of its names."""
 
 
 class PolicyLoop:
@@ -194,7 +105,12 @@ class PolicyLoop:
         self._times, self._dt = goals.times, 1 / goals.rate
         self._root = sample(trajectory, robot, goals.times)[:, robot.root_address :][:, :7]
         self.last: Floats = np.zeros(len(self.places))
-        self._past = [deque[Floats](maxlen=term.history) for term in policy.contract.observation]
+        self.before_last: Floats = self.last
+        self._present, self._after = (
+            [(term, deque[Floats](maxlen=term.history)) for term in terms]
+            for terms in (policy.contract.observation, policy.contract.after)
+        )
+        self._earlier = deque[Floats](maxlen=policy.contract.earlier)
         self.added: Floats = np.zeros_like(goals.angles)
         """(N, n) goals minus the reference [rad]."""
         self.stopped: int | None = None
@@ -202,26 +118,40 @@ class PolicyLoop:
 
     def goal(self, row: int, data: mujoco.MjData) -> Floats:
         """Return the goals (n,) [rad] of a row; joints that the policy does not drive keep the reference."""
-        parts = []
-        for term, past in zip(self._contract.observation, self._past, strict=True):
-            value = term.scale * TERMS[term.name](self, row, data)
-            past.extend([value] * (1 if past else term.history))
-            parts += past
-        observation = np.concatenate(parts)
+        observation = self._observed(row, data)
         if self._width not in (None, observation.size):
-            sizes = ", ".join(
-                f"{t.name} {t.history * p[0].size}" for t, p in zip(self._contract.observation, self._past, strict=True)
-            )
+            every = (*self._present, *self._after)
+            sizes = ", ".join(f"{term.name} {term.history * past[0].size}" for term, past in every)
+            times = f", the first ones {1 + self._contract.earlier} times" if self._contract.earlier else ""
             raise UsageError(
-                f"the policy observes {self._width} numbers, its contract gives {observation.size}: {sizes}"
+                f"the policy observes {self._width} numbers, its contract gives {observation.size}: {sizes}{times}"
             )
-        self.last = self._act(observation)
+        self.before_last, self.last = self.last, self._act(observation)
         if self.last.shape != self.places.shape:
             raise UsageError(f"the policy gives {self.last.size} actions, its contract has {self.places.size} joints")
         goal = np.array(self._goals[row])
-        goal[self.places] = self._contract.default + self._contract.scale * self.last
+        goal[self.places] = self._contract.default + self._contract.scale * self.last.clip(
+            -self._contract.clip, self._contract.clip
+        )
         self.added[row] = goal - self._goals[row]
         return goal
+
+    def _observed(self, row: int, data: mujoco.MjData) -> Floats:
+        """Return the observation (w,): its terms, the earlier observations, and the terms after them."""
+        contract = self._contract
+        present = self._values(self._present, row, data)
+        earlier = [np.zeros_like(present)] * (contract.earlier - len(self._earlier)) + [*self._earlier]
+        observation = [present, *(earlier[::-1] if contract.newest_first else earlier)]
+        self._earlier.append(present)
+        return np.concatenate([*observation, self._values(self._after, row, data)])
+
+    def _values(self, terms: Sequence[tuple[Term, deque[Floats]]], row: int, data: mujoco.MjData) -> Floats:
+        parts: list[Floats] = []
+        for term, past in terms:
+            value = np.asarray(term.scale) * TERMS[term.name](self, row, data)
+            past.extend([value] * (1 if past else term.history))
+            parts += past
+        return np.concatenate(parts) if parts else np.zeros(0)
 
     # What terms read
 
@@ -255,6 +185,17 @@ class PolicyLoop:
         return (self.turn(data).T @ _matrix(self._root[row, 3:]))[:, :2].ravel()
 
     @cached_property
+    def motions(self) -> Floats:
+        """(N, 6) velocity of the reference's root ahead and to the left in its axes [m/s], its height [m], roll and pitch [rad], and
+        turning speed about its vertical axis [rad/s].
+        """
+        turns = Rotation.from_quat(self._root[:, 3:], scalar_first=True)
+        change = np.zeros((len(turns), 3))
+        change[:-1] = (turns[:-1].inv() * turns[1:]).as_rotvec()
+        velocity = turns.inv().apply(np.diff(self._root[:, :3], axis=0, append=self._root[-1:, :3])) / self._dt
+        return np.column_stack([velocity[:, :2], self._root[:, 2], _lean(turns.as_matrix()), change[:, 2] / self._dt])
+
+    @cached_property
     def commands(self) -> Floats:
         """(N, 3) velocity ahead and to the left [m/s] and turning speed [rad/s] of the reference's root, at its heading."""
         turns = np.array([_matrix(quaternion) for quaternion in self._root[:, 3:]])
@@ -277,6 +218,9 @@ TERMS: dict[str, Callable[[PolicyLoop, int, mujoco.MjData], Floats]] = {
     "gyro": lambda loop, row, data: loop.speed(data)[3:],
     "velocity": lambda loop, row, data: loop.turn(data).T @ loop.speed(data)[:3],
     "gravity": lambda loop, row, data: -loop.turn(data)[2],
+    "up": lambda loop, row, data: loop.turn(data)[:, 2],
+    "lean": lambda loop, row, data: _lean(loop.turn(data)),
+    "actions_before": lambda loop, row, data: loop.before_last,
     "command_velocity": lambda loop, row, data: loop.commands[row, :2],
     "command_turn": lambda loop, row, data: loop.commands[row, 2:],
     "sin_phase": lambda loop, row, data: np.sin(loop.phase(row)),
@@ -284,10 +228,11 @@ TERMS: dict[str, Callable[[PolicyLoop, int, mujoco.MjData], Floats]] = {
     "reference_joints": lambda loop, row, data: loop.reference(row),
     "reference_speeds": lambda loop, row, data: loop.reference_speeds(row),
     "reference_place": lambda loop, row, data: loop.place(row, data),
+    "reference_motion": lambda loop, row, data: loop.motions[row],
     "reference_turn": lambda loop, row, data: loop.relative_turn(row, data),
 }
 """Terms of an observation: joints (m,) minus the default [rad], their speeds, the last action; angular velocity, velocity and the
-direction of gravity in the root body's axes; and the reference."""
+direction of gravity in the root body's axes, its vertical axis in the world, roll and pitch [rad]; and the reference."""
 
 
 def under_policy(plant: Plant, policy: Policy) -> Plant:
@@ -308,3 +253,10 @@ def _matrix(quaternion: Sequence[float] | Floats) -> Floats:
     matrix = np.zeros(9)
     mujoco.mju_quat2Mat(matrix, np.asarray(quaternion, dtype=float))
     return matrix.reshape(3, 3)
+
+
+def _lean(turn: Floats) -> Floats:
+    """Return roll and pitch (…, 2) of rotations (…, 3, 3) [rad]."""
+    return np.stack(
+        [np.arctan2(turn[..., 2, 1], turn[..., 2, 2]), np.arcsin(np.clip(-turn[..., 2, 0], -1, 1))], axis=-1
+    )

@@ -20,7 +20,8 @@ from robot_retarget.judge.feedback import has_feedback, with_feedback
 from robot_retarget.judge.figures import fall_figures
 from robot_retarget.judge.plant import Mode, Plant
 from robot_retarget.judge.playback import Playback, Rollout, plain_goals, roll_out
-from robot_retarget.judge.policy import Policy, read_policy, under_policy
+from robot_retarget.judge.policy import Policy, under_policy
+from robot_retarget.judge.policy_files import read_policy
 from robot_retarget.judge.report import Report, SimulatedTrajectory, build_report, series_of
 from robot_retarget.judge.servo_model import Drives, drives_of
 from robot_retarget.judge.verdict import Thresholds
@@ -97,7 +98,7 @@ def simulate(
         backlash: play between every servo and its link, either way [rad]; goals and feedback have no information about it.
         objects: whether the moving bodies of the trajectory's scene are `carried` along their path, or `free`: then they
             have mass and are held by friction alone.
-        policy: a frozen controller, or its ONNX file (`policy.read_policy`), that makes the goals from the state in mode `free`; the
+        policy: a frozen controller, or its ONNX file (`policy_files.read_policy`), that makes the goals from the state in mode `free`; the
             trajectory is its reference. Servo map, compensation and feedback do not act, and `play` refuses the report.
         progress: called with (steps done, steps in all), a step for each simulation.
 

@@ -1,7 +1,7 @@
 """Figures of standing, load, foresight and verdict against geometry, contact forces and hand-made cases."""
 
 import re
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import mujoco
 import numpy as np
@@ -17,6 +17,7 @@ from robot_retarget.actuators.motors import MOTORS
 from robot_retarget.base.errors import RobotError, UsageError
 from robot_retarget.collision.warn import warnings_of
 from robot_retarget.judge.compensate import compensated
+from robot_retarget.judge.figures import fall_figures
 from robot_retarget.judge.playback import Playback, roll_out
 from robot_retarget.judge.rollout import plant_of, rollouts, simulate
 from robot_retarget.judge.servo_model import drives
@@ -143,6 +144,16 @@ def test_a_robot_of_which_only_the_feet_can_touch_the_floor_falls_all_the_same()
     )
     assert "sank to half its height" in report.reasons[0]
     assert 0 < report.figures["fall_s"] < 3 and report.figures["fall_body"] is None
+
+
+def test_a_model_whose_root_has_its_frame_on_the_floor_has_not_fallen():
+    still = hold(OP3, 0.5)
+    rollout, height = roll_out(FREE, still, "free"), float(still.qpos[0, 2])
+    down = np.eye(len(still.qpos[0]))[2] * (height + 0.03)
+    lower = replace(rollout, qpos=rollout.qpos - down), OP3, replace(still, qpos=still.qpos - down)
+    assert fall_figures(*lower)["fall_s"] is None
+    sunk = np.where(rollout.times > 0.3, 0.7 * height, 0.0)[:, None] * np.eye(len(down))[2]
+    assert fall_figures(replace(lower[0], qpos=lower[0].qpos - sunk), *lower[1:])["fall_s"] > 0.3
 
 
 def test_a_kick_at_full_speed_falls_and_says_when():

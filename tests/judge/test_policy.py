@@ -19,10 +19,9 @@ from robot_retarget.judge.policy import (
     Policy,
     PolicyLoop,
     Term,
-    contract_of,
-    from_metadata,
     under_policy,
 )
+from robot_retarget.judge.policy_files import contract_of, from_metadata, from_yaml, read_policy, twist2
 from robot_retarget.robot import load_robot
 from robot_retarget.servo.judgement import require_judged
 
@@ -105,6 +104,38 @@ def test_history_is_the_latest_values_oldest_first_and_begins_with_the_first() -
     np.testing.assert_array_equal(seen[9], rows[7:10].ravel())
 
 
+@pytest.mark.parametrize("newest_first", [False, True])
+def test_earlier_observations_follow_the_present_one_and_are_zeros_before_the_first(newest_first: bool) -> None:
+    seen: list[np.ndarray] = []
+    own = replace(
+        contract(Term("reference_joints")), earlier=2, newest_first=newest_first, after=(Term("actions_before"),)
+    )
+    plant = under_policy(build_plant(OP3, "free"), Policy(own, lambda o: (seen.append(o), o[:N])[1], 4 * N))
+    goals = plain_goals(plant, SQUAT, Playback(rate=125.0, settle_before=0.0))
+    roll_out(plant, SQUAT, "free", None, goals)
+    rows = np.vstack([np.zeros((2, N)), goals.angles])  # actions are the reference
+    for k in (0, 1, 9):
+        past = rows[[k + 1, k]] if newest_first else rows[[k, k + 1]]
+        np.testing.assert_array_equal(seen[k], np.concatenate([rows[k + 2], *past, rows[k]]))
+
+
+def test_the_reference_s_motion_is_in_the_axes_of_its_root() -> None:
+    plant = under_policy(build_plant(OP3, "free"), REPEATS)
+    half = TIMES[:, 0] / 2  # turns at 1 rad/s, and moves to its own left at .3 m/s, leaning 0.2 rad to the right
+    yaw = np.stack([np.cos(half), 0 * half, 0 * half, np.sin(half)], axis=1)
+    roll = np.array([np.cos(0.1), np.sin(0.1), 0, 0])
+    turn = np.array([0.0 * roll for _ in half])
+    for row, own in zip(turn, yaw, strict=True):
+        mujoco.mju_mulQuat(row, own, roll)
+    place = 0.3 * np.stack([np.cos(2 * half) - 1, np.sin(2 * half), 0 * half], axis=1)
+    circle = replace(SQUAT, qpos=np.hstack([SQUAT.qpos[:1, :3] + place, turn, SQUAT.angles]))
+    goals = plain_goals(plant, circle, Playback(rate=125.0, settle_before=0.0))
+    loop = PolicyLoop(plant, goals, circle)
+    ahead, left, height, *lean, rate = TERMS["reference_motion"](loop, 60, mujoco.MjData(plant.model))
+    np.testing.assert_allclose([ahead, left, height], [0, 0.3 * np.cos(0.2), SQUAT.qpos[0, 2]], atol=3e-3)
+    np.testing.assert_allclose([*lean, rate], [0.2, 0, np.cos(0.2)], atol=2e-3)
+
+
 def test_a_wrong_width_an_unknown_term_and_a_strange_joint_are_refused_by_name() -> None:
     wide = replace(REPEATS, width=N + 1)
     with pytest.raises(UsageError, match=f"observes {N + 1} numbers, its contract gives {N}: reference_joints {N}"):
@@ -156,6 +187,43 @@ def test_holosoma_s_walkers_observe_a_hundred_numbers_of_29_joints(joints: list[
     assert walker.default.tolist() == angles and walker.stiffness.tolist() == [10, 20, 30]
     with pytest.raises(UsageError, match="write a contract"):
         from_metadata(words | {"dof_names": '["a", "b", "c"]'})
+
+
+def test_twist2_observes_1432_numbers_of_29_joints_and_berkeley_lite_is_read_from_its_configuration() -> None:
+    tracker = twist2()
+    sizes = {"reference_motion": 6, "gyro": 3, "lean": 2}
+    frame, after = (sum(sizes.get(term.name, 29) for term in terms) for terms in (tracker.observation, tracker.after))
+    assert frame * (1 + tracker.earlier) + after == 1432
+    named = dict(zip(tracker.joints, zip(tracker.default, tracker.stiffness, strict=True), strict=True))
+    assert named["right_shoulder_roll_joint"] == (-0.4, 40) and named["left_knee_joint"] == (0.4, 150)
+    table = {
+        "policy_dt": 0.04, "joints": ["a", "b", "c"], "joint_kp": [10, 20, 30], "joint_kd": [1, 2, 3], "action_scale": 0.25,
+        "default_joint_positions": [0, 0.1, 0.2], "action_indices": [1, 2], "history_length": 0, "action_limit_upper": 9,
+    }  # fmt: skip
+    lite = from_yaml(table)
+    assert (lite.rate, lite.joints, lite.stiffness.tolist(), lite.clip) == (25, ("b", "c"), [20, 30], 9)
+    with pytest.raises(UsageError, match="write a contract"):
+        from_yaml(table | {"history_length": 3})
+
+
+def test_numpy_layers_give_swish_and_tanh_of_the_normalised_observation(tmp_path: Path) -> None:
+    draw = np.random.default_rng(0)
+    width, (first, last) = 3 * (9 + 2 * N), (draw.normal(size=(3 * (9 + 2 * N), 8)), draw.normal(size=(8, 2 * N)))
+    given = {
+        "obs_mean": draw.normal(size=width), "obs_std": np.full(width, 2.0), "n_layers": 2, "w0": first, "w1": last,
+        "b0": np.ones(8), "b1": np.zeros(2 * N), "actuator_names": [f"{joint}_act" for joint in OP3.joint_names],
+        "ctrl_dt": 0.02, "obs_history": 3, "default_pose": OP3.standing()[-N:], "action_scale": 0.3,
+    }  # fmt: skip
+    np.savez(tmp_path / "walk.npz", **{name: np.asarray(value) for name, value in given.items()})
+    policy, seen = read_policy(tmp_path / "walk.npz"), draw.normal(size=width)
+    x = ((seen - given["obs_mean"]) / 2) @ first + 1
+    np.testing.assert_allclose(policy.act(seen), np.tanh((x / (1 + np.exp(-x)) @ last)[:N]))
+    assert policy.contract.joints == OP3.joint_names and policy.contract.rate == 50
+    report = rr.simulate(SQUAT, OP3, policy=policy, draws=0)  # its observation has the width of the first layer
+    assert report.figures["policy"] == "walk.npz"
+    np.savez(tmp_path / "other.npz", qpos=np.zeros(3))
+    with pytest.raises(UsageError, match="no layers of a policy"):
+        read_policy(tmp_path / "other.npz")
 
 
 def test_the_verdict_is_that_of_the_policy_and_play_refuses_it(tmp_path: Path) -> None:

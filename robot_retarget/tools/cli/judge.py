@@ -28,7 +28,7 @@ class SimulateOptions(opt.JudgeOptions, opt.ServoOptions, opt.TrajectoryOptions)
         "Moving bodies of the scene follow their path, or are held by friction alone.", default="carried"
     )
     policy: Path | None = option(
-        "A frozen controller (.onnx; its contract beside it as .toml, or in its metadata) that follows the trajectory.",
+        "A frozen controller (.onnx with its contract beside it or in its metadata, .npz) that follows the trajectory.",
         default=None,
     )
     own_actuators: bool = option("The MJCF's actuators, no servos.", "--own-actuators", default=False)
@@ -59,7 +59,8 @@ def simulate(how: SimulateOptions, robot: opt.RobotOptions, printing: opt.PrintO
     if page is not None:
         require_suffix(page, ".html", "--json prints the report as JSON")
     model, played = robot.load(how.servos), rr.load_trajectory(how.trajectory)
-    mode = mode_of(played) if how.mode == "auto" else how.mode
+    resolved = mode_of(played) if how.policy is None else "free"
+    mode = resolved if how.mode == "auto" else how.mode
     where = how.report_file or how.trajectory.with_name(NAMES[mode])
     for path in (*([how.trajectory, where] if how.store else []), *([page] if page else [])):
         require_writable(path)
