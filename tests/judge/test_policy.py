@@ -214,7 +214,7 @@ def test_numpy_layers_give_swish_and_tanh_of_the_normalised_observation(tmp_path
         "b0": np.ones(8), "b1": np.zeros(2 * N), "actuator_names": [f"{joint}_act" for joint in OP3.joint_names],
         "ctrl_dt": 0.02, "obs_history": 3, "default_pose": OP3.standing()[-N:], "action_scale": 0.3,
     }  # fmt: skip
-    np.savez(tmp_path / "walk.npz", **{name: np.asarray(value) for name, value in given.items()})
+    np.savez(tmp_path / "walk.npz", **{name: np.asarray(value) for name, value in given.items()})  # pyright: ignore[reportArgumentType]
     policy, seen = read_policy(tmp_path / "walk.npz"), draw.normal(size=width)
     x = ((seen - given["obs_mean"]) / 2) @ first + 1
     np.testing.assert_allclose(policy.act(seen), np.tanh((x / (1 + np.exp(-x)) @ last)[:N]))
