@@ -87,6 +87,8 @@ STEP = (-1, 0)
 """A frame and the one before."""
 SECOND_DIFFERENCE = (-1, 0, 1)
 """A frame and both neighbours."""
+THIRD_DIFFERENCE = (-1, 0, 1, 2)
+"""A frame, the one before and the two after."""
 CAUSAL_DIFFERENCE = (-2, -1, 0)
 """A frame and the two before."""
 

@@ -8,8 +8,13 @@ from robot_retarget.human.match import NEAR
 
 BLEND = 5.0
 """Factor between two presets [-]."""
-PRESETS: dict[Preset, float] = {"directions": 1 / BLEND, "balanced": 1.0, "distances": BLEND}
-"""Factor of the weights of distances between keypoints, relative to the balanced blend [-]."""
+PRESETS: dict[Preset, dict[str, float]] = {
+    "directions": {"near": 1 / BLEND, "far": 1 / BLEND},
+    "balanced": {},
+    "distances": {"near": BLEND, "far": BLEND},
+    "tracker": {"smooth": 2.0, "jerk": 2.0},
+}
+"""Factors of weights, relative to the balanced blend [-]: a policy that tracks the reference executes a smoother one with less error."""
 LEG = 8.0
 """Directions of thigh and shin [-]."""
 ARM = 2.0
@@ -26,7 +31,7 @@ REFERENCE_FPS = 30.0
 class Weights:
     """π of every kind, checked; one set for all clips and robots. Errors are dimensionless: over a path, a leg, or of unit vectors."""
 
-    near: float = 56.0
+    near: float = 66.0
     """Distances between nearby keypoints, over the path between them ..."""
     far: float = 17.0
     """... and between distant ones; the sum over a frame, over the number of keypoints."""
@@ -65,12 +70,13 @@ class Weights:
     """... and wrists, if no marker shows the rotation of a hand [1/rad²]."""
     swing: float = path
     """A swing foot at its reference, as the pelvis on its path."""
-    smooth: float = 18.0
-    """Squared second differences of the joints at `REFERENCE_FPS` [1/rad²]: over 31 public clips on the G1, 16, 18 and 21 have limb
-    errors of 3.91, 3.96 and 4.00° and jerks of 286, 277 and 264 rad/s³."""
-    smooth_root: float = 80.0
+    smooth: float = 5.0
+    """Squared second differences of the joints at `REFERENCE_FPS` [1/rad²] ..."""
+    jerk: float = 28.0
+    """... and third ones."""
+    smooth_root: float = 288.0
     """Factor for the place of the root: legs absorb what would accelerate the whole body [rad²/m²] ..."""
-    smooth_turn: float = 50.0
+    smooth_turn: float = 180.0
     """... and for its rotation [-]."""
     inertia: float = 0.5
     """Inertia of hinges in streams, as a share of that of `RealTime.frequency` [-] ..."""
@@ -91,11 +97,11 @@ class Weights:
         return [(f.name, getattr(self, f.name)) for f in fields(self) if f.name != "bones"]
 
     def with_preset(self, preset: Preset) -> "Weights":
-        """Multiply the weights of distances between keypoints by the factor of a preset.
+        """Multiply the weights by the factors of a preset.
 
         Args:
-            preset: `directions` (of limbs, like the human's), `distances` (between parts, like the human's) or `balanced`
-                (no change): a key of `PRESETS`.
+            preset: `directions` (of limbs, like the human's), `distances` (between parts, like the human's), `tracker`
+                (smoother, for a policy that tracks the reference) or `balanced` (no change): a key of `PRESETS`.
 
         Returns:
             The weights; all other weights are unchanged.
@@ -105,4 +111,4 @@ class Weights:
         """
         if preset not in PRESETS:
             raise UsageError(f"no preset {preset!r}; {known(PRESETS, typed=preset)}")
-        return replace(self, near=PRESETS[preset] * self.near, far=PRESETS[preset] * self.far)
+        return replace(self, **{name: factor * getattr(self, name) for name, factor in PRESETS[preset].items()})

@@ -9,7 +9,7 @@ from robot_retarget.base.arrays import Bools, Floats
 from robot_retarget.base.progress import Count
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.kind import CoarsePhase, Phase, SolvedPhase
-from robot_retarget.graph.track import SECOND_DIFFERENCE, Form, Role, Track, concatenated
+from robot_retarget.graph.track import SECOND_DIFFERENCE, THIRD_DIFFERENCE, Form, Role, Track, concatenated
 from robot_retarget.robot.kinematics import difference, tangent_names
 from robot_retarget.solver.candidates import coarse_path
 from robot_retarget.solver.descent import FrameSolution
@@ -162,12 +162,15 @@ def stresses(solver: FrameSolver, graph: RobotGraph, qpos: Floats) -> dict[str, 
 
 
 def _temporal_stress(graph: RobotGraph, qpos: Floats) -> dict[str, Floats]:
-    """Return per kind of second differences (T,) its cost about every frame; 0 at both ends."""
-    wanted = (Role.COST, Form.JOINT, SECOND_DIFFERENCE)
-    tracks = [track for track in graph.tracks if (track.role, track.kind.form, track.stencil) == wanted]
-    bend = np.zeros((len(qpos), graph.robot.model.nv))
-    if len(qpos) > 2:
-        bend[1:-1] = np.diff(difference(graph.robot, qpos[:-1], qpos[1:]), axis=0)
-    names = tangent_names(graph.robot)
-    columns = {track.name: [names.index(end) for end, _ in track.ends] for track in tracks}
-    return {track.name: track.stress(bend[:, columns[track.name]]).sum(axis=1) for track in tracks}
+    """Return per kind of second or third differences (T,) its cost about every frame; 0 where the clip has no such neighbours."""
+    speed, names = difference(graph.robot, qpos[:-1], qpos[1:]), tangent_names(graph.robot)
+    found = {}
+    for stencil in (SECOND_DIFFERENCE, THIRD_DIFFERENCE):
+        bend, order = np.zeros((len(qpos), len(names))), len(stencil) - 1
+        if len(qpos) > order:
+            bend[1 : len(qpos) - order + 1] = np.diff(speed, order - 1, axis=0)
+        for track in graph.tracks:
+            if (track.role, track.kind.form, track.stencil) == (Role.COST, Form.JOINT, stencil):
+                columns = [names.index(end) for end, _ in track.ends]
+                found[track.name] = track.stress(bend[:, columns]).sum(axis=1)
+    return found

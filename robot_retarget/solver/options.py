@@ -152,14 +152,14 @@ class RealTime:
 class Smoothing:
     """Options of a whole clip: the alternating direction method of multipliers between frames and a smooth path."""
 
-    passes: int = 6
+    passes: int = 10
     """Number of steps of every frame in a round; 0 solves frame by frame."""
     rounds: int = 3
     """Maximum number of rounds of passes; each places footholds anew on the path of the one before."""
-    proximal: float = 24.0
+    proximal: float = 30.0
     """ρ, the weight that draws a frame to the smooth path [1/rad²]: half of it takes half the passes, but a far start
     then overshoots."""
-    closing: float = 10.0
+    closing: float = 40.0
     """Factor of ρ from the last pass on [-]: frames end near the smooth path."""
     relaxation: float = 1.6
     """α, over-relaxation of the frames towards the multipliers [-]; 1.5 … 1.8 saves a third of the passes."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, Ints
 from robot_retarget.base.progress import Count
-from robot_retarget.graph.track import SECOND_DIFFERENCE, Status, Track
+from robot_retarget.graph.track import SECOND_DIFFERENCE, THIRD_DIFFERENCE, Status, Track
 from robot_retarget.robot.kinematics import SweptConfiguration, difference, integrate, swept_configurations
 from robot_retarget.solver.descent import Box, Descent, FrameSolution
 from robot_retarget.solver.limits import Differences, JointBounds, Targets, targets_of
@@ -35,7 +35,9 @@ class ClipProblem:
     all_targets: Targets
     smoothing: Smoothing
     smooth: Differences
-    """Second differences over T frames."""
+    """Second differences over T frames ..."""
+    jerk: Differences
+    """... and third ones."""
     bounds: JointBounds
     """(T, n) of the hinges."""
     fps: float
@@ -69,8 +71,8 @@ def clip_of(
         fixed: number of first frames that are known.
     """
     targets, limits = targets_of(tracks), solver.problem.limits
-    smooth = limits.differences(targets, SECOND_DIFFERENCE)
-    return ClipProblem(solver, targets, smoothing, smooth, limits.bounds(targets), fps, fixed)
+    smooth, jerk = (limits.differences(targets, stencil) for stencil in (SECOND_DIFFERENCE, THIRD_DIFFERENCE))
+    return ClipProblem(solver, targets, smoothing, smooth, jerk, limits.bounds(targets), fps, fixed)
 
 
 def clip_passes(clip: ClipProblem, start: Floats, count: Count) -> list[FrameSolution]:
@@ -162,7 +164,9 @@ class Passes:
         relaxed = integrate(robot, self.path, away)  # beyond the path: s ⊕ α (q ⊖ s)
         drawn = integrate(robot, relaxed, self.dual)
         speed = difference(robot, drawn[:-1], drawn[1:])
-        offsets = smooth_offsets(speed, clip.smooth.weight / self.rho, clip.fixed, clip.smooth.bend)
+        offsets = smooth_offsets(
+            speed, clip.smooth.weight / self.rho, clip.fixed, clip.smooth.bend, clip.jerk.weight / self.rho
+        )
         self.path = integrate(robot, drawn, offsets)
         self.dual += difference(robot, self.path, relaxed)
         self.dual[: clip.fixed] = 0.0

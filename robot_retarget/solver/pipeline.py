@@ -256,7 +256,7 @@ def carried(motion: Motion, robot: Robot, **how: Unpack[TransferArguments]) -> R
     given = how.get("weights") or Weights()
     exact = replace(given, rest=EXACT * given.rest, swing=0.0)
     if not balance_modes(robot, legs, balance):
-        exact = replace(exact, smooth=EXACT * given.smooth, smooth_root=1.0, smooth_turn=1.0)
+        exact = replace(exact, smooth=EXACT * given.smooth, jerk=EXACT * given.jerk, smooth_root=1.0, smooth_turn=1.0)
     kinds = [kind.for_robot() for kind in KINDS]
     return solve(
         describe(motion, robot, fps=how.get("fps"), weights=exact, preset=how.get("preset", "balanced"), kinds=kinds),

@@ -27,6 +27,7 @@ from robot_retarget.graph.track import (
     HARD,
     SECOND_DIFFERENCE,
     STEP,
+    THIRD_DIFFERENCE,
     Form,
     Role,
     Track,
@@ -105,9 +106,10 @@ def _stencil_refused(kind: Kind, lag: int | None) -> str:
 
 def _differences(lag: int | None) -> tuple[tuple[int, ...], ...]:
     """Return the stencils of differences of joints that a clip or a stream honours."""
+    smooth = (SECOND_DIFFERENCE, THIRD_DIFFERENCE)
     if lag is None:
-        return (SECOND_DIFFERENCE,)
-    return (CAUSAL_DIFFERENCE, SECOND_DIFFERENCE) if lag else (CAUSAL_DIFFERENCE,)
+        return smooth
+    return (CAUSAL_DIFFERENCE, *smooth) if lag else (CAUSAL_DIFFERENCE,)
 
 
 def _values_refused(track: Track, robot: Robot) -> str:
@@ -127,8 +129,8 @@ def _values_refused(track: Track, robot: Robot) -> str:
         return ""
     if not (np.isinf(track.huber_delta) and track.exact):
         return "differences of joints have one target and squared errors"
-    moved = track.stencil == CAUSAL_DIFFERENCE and track.lower.any()
-    return "the difference from the two frames before has the target 0" if moved else ""
+    moved = track.stencil in (CAUSAL_DIFFERENCE, THIRD_DIFFERENCE) and track.lower.any()
+    return "differences from the two frames before and third ones have the target 0" if moved else ""
 
 
 class CompiledTracks:

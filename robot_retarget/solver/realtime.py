@@ -16,7 +16,7 @@ from math import cos, exp, pi, sqrt
 import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, smoothstep
-from robot_retarget.graph.track import CAUSAL_DIFFERENCE, SECOND_DIFFERENCE, Status
+from robot_retarget.graph.track import CAUSAL_DIFFERENCE, SECOND_DIFFERENCE, THIRD_DIFFERENCE, Status
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solver.descent import Box, FrameSolution
@@ -228,8 +228,8 @@ def follower(options: RealTime, seconds: float) -> tuple[float, float]:
 
 # Fixed-lag smoothing: a pose is returned some frames late, moved to the smooth path through the frames after it.
 
-GIVEN = 2
-"""Number of returned poses that fix the start of the path: second differences span no more."""
+GIVEN = 3
+"""Number of returned poses that fix the start of the path: third differences span no more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -277,10 +277,12 @@ class FixedLag:
         before = self.given[-1]
         path = [*self.given, first.pose.qpos, *after]
         speed = np.array([difference(self.robot, a, b) for a, b in pairwise(path)])
-        smooth = self.solver.problem.limits.differences(first.targets, SECOND_DIFFERENCE)
+        limits = self.solver.problem.limits
+        smooth, jerk = (limits.differences(first.targets, each) for each in (SECOND_DIFFERENCE, THIRD_DIFFERENCE))
         weight, known = self.proximal * smooth.inertia, len(self.given)
         squared = (self.fps * np.mean([first.seconds, *(solved.seconds for solved in self.waiting)])) ** 2
-        offset = smooth_offsets(speed, smooth.weight / (weight * squared**2), known, smooth.bend * squared)[known]
+        stiffness = smooth.weight / (weight * squared**2), jerk.weight / (weight * squared**3)
+        offset = smooth_offsets(speed, stiffness[0], known, smooth.bend * squared, stiffness[1])[known]
         box = self.solver.reachable(before, first.targets, first.seconds)
         start, columns = integrate(self.robot, first.pose.qpos, offset), self.robot.qpos_index
         start[columns] = np.clip(start[columns], box.lower, box.upper)

@@ -1,4 +1,8 @@
-"""Smooth paths near rough ones: second differences in closed form, and speeds of joints."""
+"""Smooth paths near rough ones: second and third differences in closed form, and speeds of joints."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations_with_replacement
 
 import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
@@ -7,76 +11,79 @@ from robot_retarget.base.arrays import Floats
 
 DECIMALS = 9
 """Stiffnesses that agree in these decimals share one banded system."""
+HIGHEST = 3
+"""Order of the differences that are smooth."""
 
 
-class SmoothSystem:
-    """The matrices I + Dᵀ K D of all columns of a path, D the second difference and K the diagonal of their stiffnesses."""
+def smooth_offsets(
+    speed: Floats, stiffness: Floats | float, fixed: int = 0, bend: Floats | float = 0.0, jerk: Floats | float = 0.0
+) -> Floats:
+    """Return the offset of each frame that moves second differences towards their targets, and third ones towards 0.
 
-    stiffness: Floats
-    """κ (T − 2, n)."""
-
-    def __init__(self, stiffness: Floats, fixed: int = 0):
-        """Factorise the systems of stiffnesses (T, n) without the first `fixed` frames, which stay."""
-        self.fixed, self.stiffness = fixed, np.round(stiffness, DECIMALS)[1:-1]
-        systems: dict[bytes, list[int]] = {}
-        for column, own in enumerate(self.stiffness.T):
-            systems.setdefault(own.tobytes(), []).append(column)
-        self._factors = [
-            (columns, cholesky_banded(_bands(self.stiffness[:, columns[0]])[:, fixed:])) for columns in systems.values()
-        ]
-
-    def solved(self, force: Floats) -> Floats:
-        """Return the offsets (T, n) whose images are forces (T, n)."""
-        offsets = np.zeros_like(force)
-        for columns, factor in self._factors:
-            offsets[self.fixed :, columns] = cho_solve_banded((factor, False), force[self.fixed :, columns])
-        return offsets
-
-    def offsets(self, speed: Floats, bend: Floats | float) -> Floats:
-        """Return the offsets of `smooth_offsets`."""
-        shape = len(speed) + 1, speed.shape[1]
-        return self.solved(-_pushed(self.stiffness * (np.diff(speed, axis=0) - np.broadcast_to(bend, shape)[1:-1])))
-
-
-def smooth_offsets(speed: Floats, stiffness: Floats | float, fixed: int = 0, bend: Floats | float = 0.0) -> Floats:
-    """Return the offset of each frame that moves second differences towards their targets.
-
-    minimise  Σ_t ‖δ_t‖² + Σ_t κ_t ‖a_t + δ_{t−1} − 2δ_t + δ_{t+1}‖²,   a_t = v_t − v_{t−1} − b_t
+    minimise  Σ_t ‖δ_t‖² + Σ_t κ_t ‖a_t + Δ²δ_t‖² + Σ_t λ_t ‖Δ²v_t + Δ³δ_t‖²,   a_t = v_t − v_{t−1} − b_t
 
     Args:
         speed: (T − 1, n) change from each frame to the next, v.
         stiffness: κ, for all columns, each (n,), or each frame and column (T, n).
         fixed: number of frames at the start that keep δ = 0.
         bend: b, the targets of second differences, for all, each column (n,), or each frame and column (T, n).
+        jerk: λ, as κ.
 
     Returns:
         (T, n) offsets δ.
     """
     shape = len(speed) + 1, speed.shape[1]
+    offsets = np.zeros(shape)
     if len(speed) < 2:
-        return np.zeros(shape)
-    return SmoothSystem(np.broadcast_to(stiffness, shape), fixed).offsets(speed, bend)
+        return offsets
+    rows = [_Rows.of(k, own, speed, target) for k, own, target in ((2, stiffness, bend), (3, jerk, 0.0))]
+    force = -np.sum([each.pushed(shape) for each in rows], axis=0)
+    for columns in _alike(rows):
+        bands = np.sum([each.bands(columns[0], shape[0]) for each in rows], axis=0)
+        bands[-1] += 1.0
+        factor = cholesky_banded(bands[:, fixed:])
+        offsets[fixed:, columns] = cho_solve_banded((factor, False), force[fixed:, columns])
+    return offsets
 
 
-def _pushed(force: Floats) -> Floats:
-    """Return Dᵀ f (T, n) of forces f (T − 2, n) on second differences."""
-    pushed = np.zeros((len(force) + 2, force.shape[1]))
-    for shift, factor in ((0, 1.0), (1, -2.0), (2, 1.0)):
-        pushed[shift : shift + len(force)] += factor * force
-    return pushed
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """The differences of one order that are smooth: K, and what they miss at δ = 0."""
+
+    factors: Floats
+    """Of the frames in a difference."""
+    stiffness: Floats
+    missed: Floats
+    """(T − k, n)."""
+
+    @classmethod
+    def of(cls, order: int, stiffness: Floats | float, speed: Floats, target: Floats | float) -> "_Rows":
+        shape, change = (len(speed) + 1, speed.shape[1]), np.diff(speed, order - 1, axis=0)
+        own, wanted = (np.broadcast_to(each, shape)[1 : 1 + len(change)] for each in (stiffness, target))
+        return cls(np.diff(np.eye(order + 1), order, axis=0)[0], np.round(own, DECIMALS), change - wanted)
+
+    def pushed(self, shape: tuple[int, int]) -> Floats:
+        """Return Dᵀ K d (T, n) of the misses d."""
+        pushed = np.zeros(shape)
+        for shift, factor in enumerate(self.factors):
+            pushed[shift : shift + len(self.missed)] += factor * (self.stiffness * self.missed)
+        return pushed
+
+    def bands(self, column: int, frames: int) -> Floats:
+        """Return the upper bands (4, T) of Dᵀ K D of a column."""
+        bands, own = np.zeros((HIGHEST + 1, frames)), self.stiffness[:, column]
+        for first, second in combinations_with_replacement(range(len(self.factors)), 2):
+            products = self.factors[first] * self.factors[second] * own
+            bands[HIGHEST - second + first, second : second + len(own)] += products
+        return bands
 
 
-def _bands(stiffness: Floats) -> Floats:
-    """Return the upper bands of I + Dᵀ K D, D the second difference and K the diagonal of the stiffnesses (T − 2,)."""
-    frames = len(stiffness) + 2
-    diagonals = np.zeros((3, frames))
-    for first in range(3):
-        for second in range(first, 3):
-            values = stiffness * (1.0, -2.0, 1.0)[first] * (1.0, -2.0, 1.0)[second]
-            offset = second - first
-            diagonals[2 - offset, second : second + frames - 2] += values
-    diagonals[2] += 1.0
-    return diagonals
+def _alike(rows: Sequence[_Rows]) -> list[list[int]]:
+    """Return the columns that share one banded system, together."""
+    systems: dict[bytes, list[int]] = {}
+    for column in range(rows[0].stiffness.shape[1]):
+        systems.setdefault(b"".join(each.stiffness[:, column].tobytes() for each in rows), []).append(column)
+    return [*systems.values()]
 
 
 def within_speeds(angles: Floats, reach: Floats, fixed: int = 0) -> Floats:

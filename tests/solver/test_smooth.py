@@ -11,15 +11,16 @@ from robot_retarget.solver.smooth import smooth_offsets
 
 
 @settings(max_examples=40, deadline=None)
-@given(st.integers(3, 12), st.floats(0.01, 1e3), st.integers(0, 10**6))
-def test_offsets_solve_the_dense_least_squares(frames: int, stiffness: float, seed: int) -> None:
+@given(st.integers(3, 12), st.floats(0.01, 1e3), st.floats(0.0, 1e3), st.integers(0, 10**6))
+def test_offsets_solve_the_dense_least_squares(frames: int, stiffness: float, jerk: float, seed: int) -> None:
     path = np.random.default_rng(seed).normal(size=(frames, 2))
-    bend = np.diff(np.eye(frames), 2, axis=0)
+    bend, turn = (np.diff(np.eye(frames), order, axis=0) for order in (2, 3))
     targets = np.random.default_rng(seed + 1).normal(size=(frames, 2))
-    stacked = np.vstack([np.eye(frames), np.sqrt(stiffness) * bend])
-    wanted = np.linalg.lstsq(stacked, np.vstack([path, np.sqrt(stiffness) * targets[1:-1]]), rcond=None)[0]
-    found = path + smooth_offsets(np.diff(path, axis=0), stiffness, bend=targets)
-    assert np.allclose(found, wanted, atol=1e-8)
+    stacked = np.vstack([np.eye(frames), np.sqrt(stiffness) * bend, np.sqrt(jerk) * turn])
+    wanted = [path, np.sqrt(stiffness) * targets[1:-1], np.zeros((len(turn), 2))]
+    least = np.linalg.lstsq(stacked, np.vstack(wanted), rcond=None)[0]
+    found = path + smooth_offsets(np.diff(path, axis=0), stiffness, bend=targets, jerk=jerk)
+    assert np.allclose(found, least, atol=1e-7)
 
 
 def test_a_straight_path_is_left_alone() -> None:

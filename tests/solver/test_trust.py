@@ -43,7 +43,7 @@ def apart(solution: Solution, a: str = "r_hand", b: str = "head") -> np.ndarray:
 
 
 def check_sum(solution: Solution) -> None:
-    """Σ over kinds of π ϱ(e) from what was measured, and smoothness by second differences, against the cost."""
+    """Σ over kinds of π ϱ(e) from what was measured, and smoothness by second and third differences, against the cost."""
     graph, qpos = solution.graph, solution.trajectory.qpos
     total = np.zeros(len(graph))
     for track in graph.costs:
@@ -62,6 +62,10 @@ def check_sum(solution: Solution) -> None:
     bend = (weight * (graph.fps / 30) ** 4 * away**2).sum(axis=1)
     assert np.allclose(solution.stress["smoothness"][1:-1], bend, rtol=1e-9)
     total[1:-1] += bend
+    hinges = np.diff(qpos[:, graph.robot.qpos_index], 3, axis=0)
+    jerk = graph.weights.jerk * (graph.fps / 30) ** 6 * (hinges**2).sum(axis=1)
+    assert np.allclose(solution.stress["jerk"][1:-2], jerk, rtol=1e-6)
+    total[1:-2] += jerk
     total += sum(solution.stress.get(kind, 0.0) for kind in ("separation", "coupling", "interaction"))
     assert np.allclose(solution.cost, total, rtol=1e-9, atol=0)
     assert np.allclose(solution.cost, sum(solution.stress.values()), rtol=1e-9, atol=0)

@@ -7,7 +7,15 @@ from robot_retarget.base.errors import GraphError
 from robot_retarget.graph.kind import Kind
 from robot_retarget.graph.kinds.bodies import ClearanceKind, ContactKind
 from robot_retarget.graph.kinds.foothold import FootholdKind
-from robot_retarget.graph.kinds.joints import CouplingKind, InertiaKind, RangeKind, RestKind, SmoothnessKind, SpeedKind
+from robot_retarget.graph.kinds.joints import (
+    CouplingKind,
+    InertiaKind,
+    JerkKind,
+    RangeKind,
+    RestKind,
+    SmoothnessKind,
+    SpeedKind,
+)
 from robot_retarget.graph.kinds.pose import CompassKind, OrientationKind, PathKind
 from robot_retarget.graph.kinds.posture import NearKind, PostureKind, TouchKind
 from robot_retarget.graph.kinds.separation import FloorKind, SeparationKind
@@ -25,6 +33,7 @@ KINDS: tuple[Kind, ...] = (
     RestKind(),
     FootholdKind(),
     SmoothnessKind(),
+    JerkKind(),
     CouplingKind(),
     FloorKind(),
     SeparationKind(),
@@ -48,7 +57,7 @@ def stream_kinds(lag: int = 0) -> tuple[Kind, ...]:
     Args:
         lag: number of frames by which poses are late; a stream that lags is smoothed.
     """
-    smooth = (SmoothnessKind(),) if lag else ()
+    smooth = (SmoothnessKind(), JerkKind()) if lag else ()
     return (*STREAM_KINDS, *smooth, *(kind for kind in registered() if kind.stencil[-1] <= 0))
 
 

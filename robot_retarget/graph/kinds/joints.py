@@ -27,7 +27,7 @@ from robot_retarget.graph.kind import (
 )
 from robot_retarget.graph.placed_scene import pelvis_path
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
-from robot_retarget.graph.track import CAUSAL_DIFFERENCE, SECOND_DIFFERENCE, STEP, limit
+from robot_retarget.graph.track import CAUSAL_DIFFERENCE, SECOND_DIFFERENCE, STEP, THIRD_DIFFERENCE, limit
 from robot_retarget.graph.weights import REFERENCE_FPS
 from robot_retarget.robot.coupling import Coupling as Constraints
 from robot_retarget.robot.dynamics import root_dofs, root_travel
@@ -204,6 +204,24 @@ class SmoothnessKind(Kind):
 def _bounce(height: Floats, fps: float) -> Floats:
     """Return the second differences (T − 2,) of heights (T,), smoothed [m]."""
     return np.diff(gaussian_filter1d(height, BOUNCE * fps, mode="nearest"), 2)
+
+
+class JerkKind(Kind):
+    """Third difference q_{t+2} − 3 q_{t+1} + 3 q_t − q_{t−1} of every hinge [rad], 0.
+
+    It keeps the accelerations of a fast limb, and stops what alternates from frame to frame.
+    """
+
+    name = "jerk"
+    stencil = THIRD_DIFFERENCE
+    form = Form.JOINT
+    follows_human = False
+
+    def targets(self, context: RetargetContext) -> Track:
+        """κ at the frame rate: a third difference scales with the cubed time between frames."""
+        human, names = context.human, context.robot.joint_names
+        kappa = context.weights.jerk * (human.fps / REFERENCE_FPS) ** 6
+        return exact(self, [(name, "third difference") for name in names], np.zeros((len(human), len(names))), kappa)
 
 
 class InertiaKind(Kind):

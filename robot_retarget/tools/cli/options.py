@@ -259,7 +259,7 @@ class RateOptions:
         "Frames per second of the trajectory; by default the motion's own, 30 at most.", default=None
     )
     preset: Preset = option(
-        "Weights: favour directions of limbs, distances between parts, or the blend that looks best.",
+        "Weights: favour directions of limbs, distances between parts, a tracking policy (smoother), or the blend that looks best.",
         "--preset",
         "--favour",
         default="balanced",
