@@ -12,6 +12,7 @@ from made_trajectories import hold
 import robot_retarget as rr
 from robot_retarget.base.errors import ServoError, UsageError
 from robot_retarget.judge.build import build_plant
+from robot_retarget.judge.followed import followed, ranked
 from robot_retarget.judge.playback import Playback, plain_goals, roll_out
 from robot_retarget.judge.policy import (
     TERMS,
@@ -236,6 +237,18 @@ def test_the_verdict_is_that_of_the_policy_and_play_refuses_it(tmp_path: Path) -
     assert OP3.servo_map
     with pytest.raises(ServoError, match="judged under the policy policy, which playback does not run"):
         require_judged(path, report.trajectory, OP3.servo_map, "op3")
+
+
+def test_trajectories_are_ranked_by_the_worlds_in_which_the_controller_falls(tmp_path: Path) -> None:
+    still = hold(OP3, 0.5)
+    lying = replace(
+        still, qpos=still.qpos * [1, 1, 1, 0, 0, 0, 0, *[1] * N] + [0, 0, 0, np.cos(0.5), np.sin(0.5), 0, 0, *[0] * N]
+    )
+    up, down = followed(still, OP3, REPEATS, 2, "up"), followed(lying, OP3, REPEATS, 2, "down")
+    assert up.fallen == 0 and up.error < 0.02 and down.fallen == 3 and down.falls[0] is not None
+    assert [each.name for each in ranked([down, up])] == ["up", "down"]
+    assert up.contract()["worlds"] == 3 and len(up.executed) > 40
+    np.testing.assert_allclose(up.executed.source_time[[0, -1]], [0, 0.5], atol=0.02)
 
 
 def test_an_onnx_file_is_read_with_its_contract_beside_it(tmp_path: Path) -> None:

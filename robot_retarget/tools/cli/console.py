@@ -3,7 +3,7 @@
 import json
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from math import degrees
 from time import monotonic
@@ -297,6 +297,14 @@ def show_score(score: "Score") -> None:
         say(f"do not apply: {', '.join(missing)}")
     for sentence in score.notes:
         note(sentence)
+
+
+def show_followed(facts: Mapping[str, Any]) -> None:
+    """Print trajectories by how a controller follows them, a line each."""
+    rows = [
+        (row["name"], f"{row['falls']} of {row['worlds']}", f"{row['error_rad']:.3f}") for row in facts["trajectories"]
+    ]
+    table("", ("trajectory", f"falls under {facts['policy']}", "joints off the plan (rms) [rad]"), rows)
 
 
 def dump(value: Any, side: bool = False) -> None:

@@ -145,6 +145,10 @@ class ScoreOptions(ColumnOptions, KnownOptions, opt.MapOptions, opt.ReadOptions)
         "Frames per second of the motion file; overrides the file.", "--motion-fps", default=None
     )
     repair: bool = option("Repair defects of the motion, as solve does.", default=False)
+    policy: Path | None = option(
+        "A frozen controller, as of simulate: rank the trajectory, or those of a folder, by its falls.", default=None
+    )
+    draws: int = option("Drawn worlds in which the controller follows each, beside the nominal one.", default=2)
     output: Path | None = option("A JSON file to write.", *opt.OUT, default=None)
 
 
@@ -160,9 +164,34 @@ def score(scored: ScoreOptions, robot: opt.RobotOptions, printing: opt.PrintOpti
     if scored.output is not None:
         require_writable(scored.output)
     model, options = robot.load(), options_of(scored.joints, source_fps=scored.rate, quaternion=scored.quaternion)
+    if scored.policy is not None:
+        return _rank(scored, model, printing)
     played = import_motion(scored.trajectory, model, scored.format, options)
     human = None if scored.motion is None else scored.read(scored.motion)
     found = rr.score(played, model, human, overrides=scored.map_file)
     if scored.output is not None:
         write_text(scored.output, console.as_json(found.contract()) + "\n")
     printing.show(found.contract(), lambda _: console.show_score(found))
+
+
+def _rank(scored: ScoreOptions, robot: rr.Robot, printing: opt.PrintOptions) -> None:
+    """Print trajectories by how a controller follows them."""
+    from robot_retarget.base.errors import UsageError
+    from robot_retarget.base.files import write_text
+    from robot_retarget.judge.followed import followed, ranked
+    from robot_retarget.judge.policy_files import read_policy
+
+    assert scored.policy is not None
+    policy, where = read_policy(scored.policy), scored.trajectory
+    files = sorted(where.rglob("*.npz")) if where.is_dir() else [where]
+    if not files:
+        raise UsageError(f"{where}: holds no trajectory (.npz)")
+    with progress() as begin:
+        bar, found = begin("follow"), []
+        for k, file in enumerate(files):
+            found.append(followed(rr.load_trajectory(file), robot, policy, scored.draws, str(file)))
+            bar(k + 1, len(files))
+    facts = [each.contract() for each in ranked(found)]
+    if scored.output is not None:
+        write_text(scored.output, console.as_json(facts) + "\n")
+    printing.show({"policy": policy.name, "trajectories": facts}, console.show_followed)
