@@ -31,7 +31,7 @@ REFERENCE_FPS = 30.0
 class Weights:
     """π of every kind, checked; one set for all clips and robots. Errors are dimensionless: over a path, a leg, or of unit vectors."""
 
-    near: float = 66.0
+    near: float = 60.0
     """Distances between nearby keypoints, over the path between them ..."""
     far: float = 17.0
     """... and between distant ones; the sum over a frame, over the number of keypoints."""
@@ -72,7 +72,7 @@ class Weights:
     """A swing foot at its reference, as the pelvis on its path."""
     smooth: float = 5.0
     """Squared second differences of the joints at `REFERENCE_FPS` [1/rad²] ..."""
-    jerk: float = 28.0
+    jerk: float = 24.0
     """... and third ones."""
     smooth_root: float = 288.0
     """Factor for the place of the root: legs absorb what would accelerate the whole body [rad²/m²] ..."""

@@ -60,7 +60,7 @@ class _Rows:
     def of(cls, order: int, stiffness: Floats | float, speed: Floats, target: Floats | float) -> "_Rows":
         shape, change = (len(speed) + 1, speed.shape[1]), np.diff(speed, order - 1, axis=0)
         own, wanted = (np.broadcast_to(each, shape)[1 : 1 + len(change)] for each in (stiffness, target))
-        return cls(np.diff(np.eye(order + 1), order, axis=0)[0], np.round(own, DECIMALS), change - wanted)
+        return cls(np.diff(np.eye(order + 1), order, axis=0)[0], own.round(DECIMALS), change - wanted)
 
     def pushed(self, shape: tuple[int, int]) -> Floats:
         """Return Dᵀ K d (T, n) of the misses d."""
