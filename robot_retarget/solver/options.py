@@ -152,7 +152,7 @@ class RealTime:
 class Smoothing:
     """Options of a whole clip: the alternating direction method of multipliers between frames and a smooth path."""
 
-    passes: int = 10
+    passes: int = 12
     """Number of steps of every frame in a round; 0 solves frame by frame."""
     rounds: int = 3
     """Maximum number of rounds of passes; each places footholds anew on the path of the one before."""
