@@ -174,7 +174,7 @@ def score(scored: ScoreOptions, robot: opt.RobotOptions, printing: opt.PrintOpti
     printing.show(found.contract(), lambda _: console.show_score(found))
 
 
-def _rank(scored: ScoreOptions, robot: rr.Robot, printing: opt.PrintOptions) -> None:
+def _rank(scored: ScoreOptions, robot: "rr.Robot", printing: opt.PrintOptions) -> None:
     """Print trajectories by how a controller follows them."""
     from robot_retarget.base.errors import UsageError
     from robot_retarget.base.files import write_text
