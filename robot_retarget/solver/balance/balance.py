@@ -88,9 +88,9 @@ class Acceptable:
     """Mean angle of thighs and shins to the human's [rad]."""
     trunk: float = 0.25
     """Mean angle of the trunk [rad]."""
-    margin: float = 0.025
-    """Least distance of the zero moment point from the edge of the support, over the leg: 5.5 mm on the OP3, which falls in soft worlds with
-    margins of up to 5 mm [-]."""
+    margin: float = 0.035
+    """Least distance of the zero moment point from the edge of the support, over the leg: 7.7 mm on the OP3, which falls in
+    `test_freebvh_walk` with 5.7 mm [-]."""
 
 
 def in_balance(
