@@ -105,8 +105,8 @@ def test_export_writes_names_and_units(solved: Path, tmp_path: Path) -> None:
     assert "root_x [m]" in header and "r_el [rad]" in header
 
 
-def test_explain_names_the_edges_that_lost_most(tmp_path: Path) -> None:
-    done = run("solve", WAVE, "--robot", "op3", "--frames", "0:6", "-o", tmp_path / "w.npz", "--explain")
+def test_graph_names_the_edges_that_lost_most(tmp_path: Path) -> None:
+    done = run("graph", WAVE, "--robot", "op3", "--frames", "0:6", "--solve")
     assert done.returncode == 0 and "Edges that lost most" in done.stdout and " – " in done.stdout
 
 

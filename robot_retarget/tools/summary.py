@@ -1,4 +1,4 @@
-"""Facts about motions, robots and solutions as plain values: for `info`, `--explain` and JSON."""
+"""Facts about motions, robots and solutions as plain values: for `info`, `graph` and JSON."""
 
 from collections import Counter
 from typing import Any

@@ -150,8 +150,8 @@ def show_robot(facts: dict[str, Any]) -> None:
     )
 
 
-def show_solution(facts: dict[str, Any], explain: bool) -> None:
-    """Print what `describe_solution` found; the worst edges when asked to explain."""
+def show_solution(facts: dict[str, Any]) -> None:
+    """Print what `describe_solution` found."""
     from robot_retarget.scores.figure import shown
 
     ended = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in facts["status"].items())
@@ -161,8 +161,6 @@ def show_solution(facts: dict[str, Any], explain: bool) -> None:
         f"{100 * facts['distance_error_max']:.1f} % at frame {facts['distance_error_max_frame']}; "
         f"largest step {shown(facts['largest_step_rad'], 'rad')}"
     )
-    if explain:
-        _show_stress(facts)
     for sentence in facts["notes"]:
         note(sentence)
 
@@ -176,16 +174,11 @@ def show_graph(facts: dict[str, Any]) -> None:
     ]
     table("Kinds of edges", ("kind", "edges", "a frame", "target", "priority", ""), rows)
     if "stress" in facts:
-        _show_stress(facts)
-
-
-def _show_stress(facts: dict[str, Any]) -> None:
-    """Stress per kind and the edges that lost most."""
-    table("Stress, a frame on the mean", ("kind", "stress"), list(facts["stress"].items()))
-    rows = [
-        (e["edge"], e["target"], e["measured"], e["error"], e["priority"], e["frame"]) for e in facts["worst_edges"]
-    ]
-    table("Edges that lost most", ("edge", "target", "measured", "error", "priority", "frame"), rows)
+        table("Stress, a frame on the mean", ("kind", "stress"), list(facts["stress"].items()))
+        rows = [
+            (e["edge"], e["target"], e["measured"], e["error"], e["priority"], e["frame"]) for e in facts["worst_edges"]
+        ]
+        table("Edges that lost most", ("edge", "target", "measured", "error", "priority", "frame"), rows)
 
 
 def show_report(report: "Report") -> None:

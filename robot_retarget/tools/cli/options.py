@@ -415,9 +415,6 @@ def load(name: str, limits: Path | None = None, servos: str | None = None) -> "r
     return rr.load_robot(name, limits, servos)
 
 
-def solved(graph: "rr.RobotGraph", how: FollowOptions, progress: "Progress", threads: int = 1) -> "rr.Result":
+def solved(graph: "rr.RobotGraph", how: FollowOptions, progress: "Progress") -> "rr.Result":
     """Return the trajectory of a graph."""
-    from robot_retarget.solver.options import SolveOptions
-    from robot_retarget.solver.pipeline import solve
-
-    return solve(graph, options=SolveOptions(threads=threads), legs=how.legs, balance=how.balance, progress=progress)
+    return rr.solve(graph, legs=how.legs, balance=how.balance, progress=progress)

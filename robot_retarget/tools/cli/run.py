@@ -164,7 +164,7 @@ def fill_folder(
         found, target = describe_solution(result.solution, result.notes), filled.path
         viewer = view(result).save(target / "viewer.html")
         if not printing.json:
-            console.show_solution(found, explain=False)
+            console.show_solution(found)
         say(f"look at it while it is judged: {filled.show(viewer.name)}")
         report, warnings = _tried(result, target, how, begin("simulate"))
         view(result, report=report).save(viewer)

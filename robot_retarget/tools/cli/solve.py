@@ -17,9 +17,7 @@ from robot_retarget.tools.cli.formats import KnownOptions
 
 @options
 class SolvedOptions(opt.OutputOptions):
-    """The trajectory to write, and its summary."""
-
-    explain: bool = option("Print the edges that lost most.", default=False)
+    """The trajectory to write."""
 
     def require_writable(self) -> None:
         """Refuse a file that cannot be written."""
@@ -41,15 +39,8 @@ class SolvedOptions(opt.OutputOptions):
         printing.show(describe_solution(result.solution, result.notes), self._show)
 
     def _show(self, facts: dict[str, Any]) -> None:
-        console.show_solution(facts, self.explain)
+        console.show_solution(facts)
         console.say(f"wrote {self.output}")
-
-
-@options
-class EffortOptions:
-    """Threads of a solve."""
-
-    threads: int = option("Threads that share its frames; the result is the same.", default=1, min=1)
 
 
 @command(epilog="Example: robot-retarget solve dance.bvh --robot op3 -o dance.npz")
@@ -59,7 +50,6 @@ def solve(
     robot: opt.DefaultRobotOptions,
     goals: opt.EditedGraphOptions,
     following: opt.FollowOptions,
-    effort: EffortOptions,
     ends: opt.StandOptions,
     printing: opt.PrintOptions,
 ) -> None:
@@ -72,7 +62,7 @@ def solve(
     for name, performer in clip.performers().items():
         motion = performer.load()
         with progress() as begin:
-            result = opt.solved(goals.describe(motion, model), following, begin("retarget"), effort.threads)
+            result = opt.solved(goals.describe(motion, model), following, begin("retarget"))
         to.of(name).save(between_stands(result.trajectory, model, ends.stand), result, printing)
         unmet |= bool(unmet_of_user(result.solution.unmet))
     if unmet:
