@@ -224,6 +224,7 @@ class Server:
                 if self.world.time > self._due:  # `wait`
                     self._due = self.world.time + self._lockstep
                 self.world.advance(self._due + self.world.step / 2)  # whole steps in spite of rounding
+                self.faults.run_due(self.world.time)
             self.timing.request(now, 10 + len(frame.stuffed))
             for answer in self.network.answer(frame):
                 due = self.timing.answer(now, len(answer.data), answer.delay) + self.wire.delay
