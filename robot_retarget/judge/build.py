@@ -8,6 +8,8 @@ The servo and its encoder turn the shaft q_s, and the link is at q. The play p h
 two hard stops.
 """
 
+from typing import Any
+
 import mujoco
 import numpy as np
 
@@ -143,12 +145,20 @@ def _add_servos(spec: mujoco.MjSpec, robot: Robot, served: set[int]) -> list[str
         joint.name = joint.name or robot.joint_names[k]
         torque = float(robot.max_torque[k])
         stiffness = torque / FULL_TORQUE_ERROR if np.isfinite(torque) else inertia[k] * OPEN_STIFFNESS**2
-        servo = spec.add_actuator(name=f"servo of {joint.name}", target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        servo = _servo_on(spec, joint)
         servo.set_to_position(kp=stiffness, kv=2 * DAMPING_RATIO * np.sqrt(stiffness * inertia[k]))
         if np.isfinite(torque):
             servo.forcerange = [-torque, torque]
             servo.forcelimited = True
     return [robot.joint_names[k] for k in bare]
+
+
+def _servo_on(spec: mujoco.MjSpec, joint: Any) -> Any:
+    """An actuator on a hinge that takes every goal: the range of control among a model's defaults is that of its motors."""
+    named = f"servo of {joint.name}"
+    servo = spec.add_actuator(name=named, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    servo.ctrllimited = False
+    return servo
 
 
 def _add_drives(spec: mujoco.MjSpec, robot: Robot, drives: Drives) -> list[str]:
@@ -159,7 +169,7 @@ def _add_drives(spec: mujoco.MjSpec, robot: Robot, drives: Drives) -> list[str]:
         joint, bound = joints[j], drives.stall_torque[k]
         joint.name = joint.name or robot.joint_names[k]
         joint.actfrclimited, joint.springdamper = False, [0, 0]
-        servo = spec.add_actuator(name=f"servo of {joint.name}", target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        servo = _servo_on(spec, joint)
         servo.set_to_position(kp=drives.stiffness[k], kv=drives.derivative[k])
         servo.forcerange, servo.forcelimited = [-bound, bound], True
     return []
