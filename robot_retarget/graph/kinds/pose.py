@@ -33,10 +33,15 @@ class _Carried(FrameEdges):
 
     root_scaling: RootScaling
     priority: float
+    fall: float
+    """π of the height in flight."""
 
-    def targets(self, human: HumanFeatures) -> tuple[Floats, float]:
-        """Where it should be [m], and π."""
-        return self.root_scaling.path(human), self.priority
+    def targets(self, human: HumanFeatures) -> tuple[Floats, Floats]:
+        """Where it should be [m], and π: in flight the height is that of free fall, which no limb changes."""
+        priority = np.full((len(human), 3), self.priority)
+        if human.falls is not None:
+            priority[human.falls.any(axis=1), 2] = self.fall
+        return self.root_scaling.path(human), priority
 
 
 class PathKind(Kind):
@@ -53,6 +58,7 @@ class PathKind(Kind):
             scale=context.leg,
             root_scaling=root_scaling_of(context.human, context.match),
             priority=context.weights.path,
+            fall=context.weights.touch,
         )
 
     def renewed(self, track: Track, measured: Floats | None, phase: Phase) -> Track:
