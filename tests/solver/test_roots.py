@@ -83,7 +83,9 @@ def hinges(robot: Robot, smoothing: Smoothing) -> Floats:
 def test_six_single_joints_carry_a_robot_as_a_free_joint_does(smoothing: Smoothing) -> None:
     free, single = (hinges(carried_by(root), smoothing) for root in ("free", "single"))
     apart = np.abs(free - single).max(axis=1)
-    assert np.quantile(apart, 0.98) < 1e-3 and apart.max() < 5e-3  # the roots' own smoothness costs differ
+    assert (
+        np.median(apart) < 5e-4 and apart.max() < 5e-3
+    )  # the roots' own smoothness costs differ, after any number of passes
 
 
 @pytest.mark.parametrize("root", ["free", "single", "none"])
