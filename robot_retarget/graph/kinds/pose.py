@@ -67,7 +67,8 @@ class PathKind(Kind):
         In a stand it is that of the standing pose, in a playback no higher than in its stands.
         """
         if isinstance(phase, GroundedPhase):
-            return phase.lowered(track)
+            falls = phase.excess[:, None] != 0.0
+            return replace(phase.lowered(track), priority=np.where(falls, track.priority[:, :1], track.priority))
         if measured is None or not isinstance(phase, PlaybackPhase):
             return phase.of(track)
         if isinstance(phase, StandPhase):
