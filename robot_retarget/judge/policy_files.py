@@ -1,7 +1,7 @@
-"""Policies of files: ONNX with its contract beside it or in its metadata, Berkeley Humanoid Lite's YAML, and NumPy layers.
+"""Read policies: ONNX files with a contract, Berkeley Humanoid Lite's YAML, and NumPy layers.
 
-The contract stands in `FILE.toml` or `FILE.yaml` beside `FILE.onnx`, or in the metadata of mjlab (BeyondMimic) and of holosoma's
-walkers. TWIST2's trackers state nothing and are known by their sizes.
+The contract of `FILE.onnx` is `FILE.toml` or `FILE.yaml`, or the metadata that mjlab (BeyondMimic) and holosoma's walkers write.
+TWIST2's trackers have no metadata; the sizes of their input and output identify them.
 """
 
 import json
@@ -52,7 +52,7 @@ def read_policy(path: str | Path) -> Policy:
 
 
 def _contract(path: Path, metadata: Mapping[str, str], sizes: tuple[Any, Any]) -> Contract:
-    """Return the contract of an ONNX file: that beside it, that of its metadata, or TWIST2's."""
+    """Return the contract of an ONNX file, from its sidecar file, its metadata, or TWIST2's sizes."""
     toml, yaml = path.with_suffix(".toml"), path.with_suffix(".yaml")
     try:
         if toml.exists():

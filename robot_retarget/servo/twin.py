@@ -87,7 +87,7 @@ class Twin:
     """A body of hinges moved by torques; free to fall once its servos hold it.
 
     Args:
-        source: MJCF of the robot, or its specification (`Robot.spec`); a robot with a free root gets a floor where there is none, as in `simulate`.
+        source: MJCF of the robot, or its specification (`Robot.spec`); a model with a free root and without a floor gets one, as in `simulate`.
         servo_map: names the hinge of every servo and its direction, zero and gear.
         support: how long the trunk stays held after torque is on everywhere and the joints are still [s].
 
