@@ -211,26 +211,24 @@ def feedback_figures(
 def oscillation(added: Floats, joints: Sequence[str], rate: float) -> Oscillation | None:
     """The strongest sustained swing of additions (N, n) at `rate` [1/s]: in two windows in a row, at one frequency."""
     window = round(WINDOW * rate)
-    found = [_swing(added[k : k + window], joints, rate) for k in range(0, len(added) - window + 1, window)]
-    lasting = [min(pair, key=lambda s: s.amplitude) for pair in pairwise(found) if _same(*pair)]
-    strongest = max(lasting, key=lambda s: s.amplitude, default=None)
-    return strongest if strongest is not None and strongest.amplitude > SUSTAINED else None
+    found = [_swings(added[k : k + window], rate) for k in range(0, len(added) - window + 1, window)]
+    strongest = None
+    for (before, first), (after, second) in pairwise(found):
+        lasting = np.where(np.abs(before - after) <= 1.0 / WINDOW, np.minimum(first, second), 0.0)
+        joint = int(lasting.argmax())
+        if lasting[joint] > (SUSTAINED if strongest is None else strongest.amplitude):
+            strongest = Oscillation(joints[joint], float(after[joint]), float(lasting[joint]))
+    return strongest
 
 
-def _same(first: Oscillation, second: Oscillation) -> bool:
-    return first.joint == second.joint and abs(first.frequency - second.frequency) <= 1.0 / WINDOW
-
-
-def _swing(added: Floats, joints: Sequence[str], rate: float) -> Oscillation:
-    """The largest amplitude of one frequency in a window."""
-    spectrum = (
-        np.abs(np.fft.rfft((added - added.mean(axis=0)) * np.hanning(len(added))[:, None], axis=0)) * 4 / len(added)
-    )
+def _swings(added: Floats, rate: float) -> tuple[Floats, Floats]:
+    """Return the frequency (n,) [Hz] at which each joint swings most in a window, and the amplitude (n,) [rad] of that."""
+    centred = (added - added.mean(axis=0)) * np.hanning(len(added))[:, None]
+    spectrum = np.abs(np.fft.rfft(centred, axis=0)) * 4 / len(added)
     frequency = np.fft.rfftfreq(len(added), 1 / rate)
     power = (spectrum**2).sum(axis=0) + 1e-12
     spectrum[frequency < SLOWEST] = 0.0
-    row, column = np.unravel_index(spectrum.argmax(), spectrum.shape)
-    share = (spectrum[max(row - 1, 0) : row + 2, column] ** 2).sum() / power[column]
-    return Oscillation(
-        joints[int(column)], float(frequency[row]), float(spectrum[row, column]) if share > PURE else 0.0
-    )
+    row, columns = spectrum.argmax(axis=0), np.arange(spectrum.shape[1])
+    near = np.abs(np.arange(len(spectrum))[:, None] - row) <= 1
+    share = np.where(near, spectrum**2, 0.0).sum(axis=0) / power
+    return frequency[row], np.where(share > PURE, spectrum[row, columns], 0.0)

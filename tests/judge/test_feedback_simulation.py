@@ -13,7 +13,7 @@ from robot_retarget.actuators.inertial import tilt_of
 from robot_retarget.actuators.map import load_map
 from robot_retarget.base.errors import ServoError, UsageError
 from robot_retarget.judge.compensate import compensated
-from robot_retarget.judge.feedback import oscillation, with_feedback
+from robot_retarget.judge.feedback import WINDOW, oscillation, with_feedback
 from robot_retarget.judge.playback import Playback, Rollout, plain_goals, roll_out
 from robot_retarget.judge.rollout import plant_of, rollouts, simulate
 from robot_retarget.judge.worlds import Draw, drawn
@@ -134,6 +134,14 @@ def test_gains_that_oscillate_fail_with_the_joint_and_the_frequency() -> None:
     report = simulate(hold(OP3, 3.0), wild, mode="free", draws=0, feedback=True)
     assert report.verdict == "fail"
     assert any("oscillates" in r and "hip_pitch" in r and "Hz" in r for r in report.reasons), report.reasons
+
+
+def test_two_joints_that_swing_alike_oscillate_whichever_is_the_stronger_in_a_window() -> None:
+    rate, times = 125.0, np.arange(500) / 125.0
+    stronger = 0.1 + 1e-6 * np.sign(np.sin(2 * np.pi * times / (2 * WINDOW)))
+    both = np.column_stack([stronger, 0.2 - stronger]) * np.sin(2 * np.pi * 6 * times)[:, None]
+    found = oscillation(both, ["left", "right"], rate)
+    assert found is not None and found.amplitude == pytest.approx(0.1, rel=0.2)
 
 
 def test_an_oscillation_is_told_from_noise_and_from_a_single_push() -> None:
