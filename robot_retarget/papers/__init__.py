@@ -18,7 +18,6 @@ from robot_retarget.papers.formation import Team as Team
 from robot_retarget.papers.formation import formation_rigidity as formation_rigidity
 from robot_retarget.papers.formation import solve_formation as solve_formation
 from robot_retarget.papers.ipopt import Ipopt as Ipopt
-from robot_retarget.papers.newton import Newton as Newton
 from robot_retarget.papers.points import PointGraph as PointGraph
 from robot_retarget.papers.points import expanded as expanded
 from robot_retarget.papers.posture import Blend as Blend

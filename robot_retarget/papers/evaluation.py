@@ -150,31 +150,6 @@ class Reduced:
         return Reduced(self.inc, taken(self.bounds, columns), self.objective, self.dimension)
 
 
-@dataclass(frozen=True)
-class Lifted:
-    """σ(X) in more dimensions than K, plus `weight` times the squared coordinates beyond the first K.
-
-    Two points that must pass through each other in K dimensions can pass around each other in K + 2.
-    """
-
-    stress: Reduced
-    """Stress over the lifted points."""
-    kept: int
-    """K."""
-    weight: float
-
-    def __call__(self, z: Floats) -> tuple[Floats, Floats]:
-        value, slope = self.stress(z)
-        out = z.reshape(-1, self.stress.dimension, z.shape[1])[:, self.kept :]
-        slope = slope.reshape(-1, self.stress.dimension, z.shape[1])
-        slope[:, self.kept :] += 2.0 * self.weight * out
-        return value + self.weight * (out**2).sum((0, 1)), slope.reshape(z.shape)
-
-    def take(self, columns: NDArray[np.int64]) -> "Lifted":
-        """Return the stress of some of the realizations."""
-        return Lifted(self.stress.take(columns), self.kept, self.weight)
-
-
 def taken(bounds: Intervals, columns: NDArray[np.int64] | slice) -> Intervals:
     """Return the intervals of some realizations.
 

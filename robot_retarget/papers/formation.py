@@ -19,7 +19,6 @@ from robot_retarget.base.arrays import Floats, Ints, frozen
 from robot_retarget.graph.track import Objective
 from robot_retarget.papers.evaluation import Reduced, box_of, intervals_of, operator
 from robot_retarget.papers.points import PointGraph
-from robot_retarget.papers.rigidity import rigidity_matrix
 from robot_retarget.papers.solvers import PointSolution
 from robot_retarget.papers.spectral import Single, Spectral, minimise
 
@@ -54,6 +53,24 @@ class Team:
     def pairs(self) -> Ints:
         """(E, 2) every two robots, as indices into `robots`."""
         return np.stack(np.triu_indices(len(self.robots), 1), axis=1)
+
+
+def rigidity_matrix(positions: ArrayLike, edges: ArrayLike) -> Floats:
+    """R (…, E, V·K): row e is ½ ∂‖x_i − x_j‖²/∂x, that is x_i − x_j at i and its opposite at j.
+
+    Args:
+        positions: (…, V, K) [m].
+        edges: (E, 2) indices of both ends in V.
+    """
+    x = np.asarray(positions, dtype=np.float64)
+    count, axes = x.shape[-2:]
+    ends = np.asarray(edges, dtype=np.int64).reshape(-1, 2)
+    r = x[..., ends[:, 0], :] - x[..., ends[:, 1], :]
+    matrix = np.zeros((*x.shape[:-2], len(ends), count, axes))
+    row = np.arange(len(ends))
+    matrix[..., row, ends[:, 0], :] = r
+    matrix[..., row, ends[:, 1], :] = -r
+    return matrix.reshape(*x.shape[:-2], len(ends), count * axes)
 
 
 def formation_rigidity(team: Team, animation: ArrayLike) -> Floats:

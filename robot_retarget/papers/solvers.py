@@ -23,7 +23,6 @@ from robot_retarget.papers.evaluation import (
     taken,
 )
 from robot_retarget.papers.ipopt import Ipopt, constrain
-from robot_retarget.papers.newton import Newton, descend
 from robot_retarget.papers.points import PointGraph
 from robot_retarget.papers.spectral import Minimum, Spectral, minimise
 
@@ -91,7 +90,7 @@ _BATCH = 128
 def solve(
     graph: PointGraph,
     start: ArrayLike,
-    options: Spectral | Newton | Ipopt | None = None,
+    options: Spectral | Ipopt | None = None,
     objective: Objective = Objective.SQUARED,
 ) -> PointSolution:
     """Find x: V × T → ℝ^K with a (locally) least stress, all frames at once.
@@ -99,8 +98,8 @@ def solve(
     Args:
         graph: the instance; edges are soft (but see `Ipopt`), boxes and fixed vertices are hard.
         start: (T, V, K), or (V, K) for one frame [m]. A solution of a neighbouring problem is a warm start.
-        options: which method, and its parameters: `Spectral` (the papers', the default), `Newton` (second order, exact
-            to rounding) or `Ipopt` (hard bones and thresholds).
+        options: which method, and its parameters: `Spectral` (the papers', the default) or `Ipopt` (second order, hard bones
+            and thresholds; `Ipopt(())` leaves every edge soft).
         objective: any of the four; `RELATIVE` has kinks and is for `Ipopt` alone. The stress of a solution counts the
             hard edges too, with what error they have.
 
@@ -113,8 +112,6 @@ def solve(
     began = time.perf_counter()
     if isinstance(options, Ipopt):
         return _solution(graph, [constrain(graph, x, options, objective)], objective, began, "ipopt")
-    if isinstance(options, Newton):
-        return _solution(graph, [descend(graph, x, options, objective)], objective, began, "newton")
     lower, upper = (side.reshape(-1, 1) for side in box_of(graph, x))
     found = minimise(_reduced(graph, objective), x.reshape(-1, 1), lower, upper, options)
     return _solution(graph, [found], objective, began, "spectral")
@@ -208,7 +205,7 @@ def _solution(
 def solve_causally(
     graph: PointGraph,
     animation: ArrayLike,
-    options: Spectral | Newton | None = None,
+    options: Spectral | Ipopt | None = None,
     objective: Objective = Objective.SQUARED,
     *,
     window: int = 4,

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from robot_retarget.papers import Ipopt, Newton, Spectral, adapt, frame_edges, interaction_distance, solve, solve_frames
+from robot_retarget.papers import Ipopt, adapt, frame_edges, interaction_distance, solve, solve_frames
 from robot_retarget.papers.branch import branch_and_prune
 from robot_retarget.papers.skeletal import posture_cases, realize, resized, table_one_body
 
@@ -42,10 +42,9 @@ def posture_rows() -> list[tuple[str, str]]:
     body, rows = table_one_body(), []
     posture = body.initial_pose
     graphs = [adapt(posture, body, resized(body, factors)) for factors in posture_cases().values()]
-    for name, options in (("Newton", Newton()), ("spectral, the papers' tolerances", Spectral())):
-        spent = [best(lambda graph=graph, options=options: solve(graph, posture, options)) for graph in graphs]
-        figure = f"{np.mean(spent) * 1e3:.1f} ms mean, {np.max(spent) * 1e3:.1f} ms worst"
-        rows.append((f"one 22-joint posture, 13 bodies, {name}", figure))
+    spent = [best(lambda graph=graph: solve(graph, posture)) for graph in graphs]
+    figure = f"{np.mean(spent) * 1e3:.1f} ms mean, {np.max(spent) * 1e3:.1f} ms worst"
+    rows.append(("one 22-joint posture, 13 bodies, spectral, the papers' tolerances", figure))
     seconds = best(lambda: solve(graphs[1], posture, Ipopt()), 3)
     rows.append(("one 22-joint posture, hard bones, IPOPT with its building", f"{seconds * 1e3:.0f} ms"))
     build = best(lambda: adapt(posture, body, resized(body, posture_cases()["arms +20 %"])))

@@ -1,9 +1,15 @@
-"""Generated instances of one frame: sensor networks and a stiff mesh."""
+"""Generated instances of one frame, sensor networks and a stiff mesh, and starts without an animation."""
+
+from dataclasses import dataclass
 
 import numpy as np
 
+from robot_retarget.base.arrays import Floats
+from robot_retarget.graph.track import Objective
 from robot_retarget.papers.build import frame_edges
+from robot_retarget.papers.evaluation import Reduced, intervals_of, operator
 from robot_retarget.papers.points import PointGraph
+from robot_retarget.papers.spectral import Spectral, minimise
 
 
 def sensor_network(count: int, seed: int, *, reach: float = 0.18, width: float = 0.1) -> PointGraph:
@@ -48,3 +54,75 @@ def stiff_mesh(seed: int, error: float = 0.02) -> tuple[PointGraph, PointGraph]:
     slack = error * edges.lower * diagonal
     interval = graph.with_targets(lower=measured - slack, upper=measured + slack)
     return interval, graph.with_targets(lower=measured, upper=measured)
+
+
+# Starts without an animation.
+
+_PRESSING = (0.0, 0.003, 0.01, 0.03, 0.1, 0.3)
+"""Weights of the additional dimensions, relative to an edge of priority 1."""
+
+
+@dataclass(frozen=True)
+class Lifted:
+    """σ(X) in more dimensions than K, plus `weight` times the squared coordinates beyond the first K.
+
+    Two points that must pass through each other in K dimensions can pass around each other in K + 2.
+    """
+
+    stress: Reduced
+    """Stress over the lifted points."""
+    kept: int
+    """K."""
+    weight: float
+
+    def __call__(self, z: Floats) -> tuple[Floats, Floats]:
+        value, slope = self.stress(z)
+        out = z.reshape(-1, self.stress.dimension, z.shape[1])[:, self.kept :]
+        slope = slope.reshape(-1, self.stress.dimension, z.shape[1])
+        slope[:, self.kept :] += 2.0 * self.weight * out
+        return value + self.weight * (out**2).sum((0, 1)), slope.reshape(z.shape)
+
+    def take(self, columns: np.ndarray) -> "Lifted":
+        """Return the stress of some of the realizations."""
+        return Lifted(self.stress.take(columns), self.kept, self.weight)
+
+
+def random_starts(graph: PointGraph, count: int, seed: int = 0) -> Floats:
+    """Return (count, T, V, K) points in a box with about one point per mean target distance [m].
+
+    Args:
+        count: number of starts.
+        seed: of the random numbers.
+    """
+    middle = _middle(graph)
+    spacing = float(middle.mean()) if len(middle) else 1.0
+    size = spacing * (graph.frames * len(graph.vertices)) ** (1.0 / graph.dimension) / 2.0
+    shape = (count, graph.frames, len(graph.vertices), graph.dimension)
+    return np.random.default_rng(seed).uniform(-size, size, shape)
+
+
+def lifted_starts(graph: PointGraph, count: int, seed: int = 0, extra: int = 2) -> Floats:
+    """Return (count, T, V, K) random points drawn together in K + `extra` dimensions and flattened again [m].
+
+    Sparse instances have many local minima; most of them disappear with room to pass around each other. The weight of
+    the coordinates beyond K dimensions rises from 0 to 0.3. A solver continues from these points.
+
+    Args:
+        count: number of starts.
+        seed: of the random numbers.
+        extra: number of additional dimensions.
+    """
+    flat = random_starts(graph, count, seed)
+    tall = graph.dimension + extra
+    out = np.random.default_rng(seed).uniform(-0.5, 0.5, (*flat.shape[:-1], extra)) * np.abs(flat).max()
+    z = np.concatenate([flat, out], axis=-1).reshape(count, -1).T
+    stress = Reduced(operator(graph), intervals_of(graph.edges), Objective.SQUARED, tall)
+    options = Spectral(max_iterations=300, value_tolerance=1e-12)
+    for weight in _PRESSING:
+        z = minimise(Lifted(stress, graph.dimension, weight), z, np.array(-np.inf), np.array(np.inf), options).z
+    return z.T.reshape(*flat.shape[:-1], tall)[..., : graph.dimension]
+
+
+def _middle(graph: PointGraph) -> Floats:
+    lower, upper = graph.edges.lower, graph.edges.upper
+    return (lower + np.where(np.isinf(upper), lower, upper)) / 2.0

@@ -11,7 +11,7 @@ import robot_retarget as rr
 from robot_retarget.base.files import SAMPLES
 from robot_retarget.papers import (
     Interaction,
-    Newton,
+    Ipopt,
     Objective,
     SkeletalStructure,
     Spectral,
@@ -104,7 +104,7 @@ def online(out: Path) -> list[Row]:
         base = replace(scene.traces(False), interaction=Interaction(horizon))
         wishes = pair_edges(base, [("a", "b")], 0.1, kind=INTERACTION, priority=100.0)
         graph = base.joined(wishes, smoothness_edges(scene.names, scene.animation))
-        found[horizon] = solve_causally(graph, scene.animation, Newton(), Objective.HALF_SQUARED).positions
+        found[horizon] = solve_causally(graph, scene.animation, Ipopt(()), Objective.HALF_SQUARED).positions
     for axis, horizon, title in ((axes[0, 0], 0, "Euclidean"), (axes[0, 1], 20, "interaction, horizon 20")):
         draw.tracks(axis, found[horizon], [0, 1], 16)
         draw.bare(axis, title, (-0.06, 1.06, -0.06, 1.06))
@@ -150,7 +150,7 @@ def clap(out: Path) -> list[Row]:
     x, body = clap_of_table_joints()
     target, ahead = longer_arms(body), Interaction(8, dead_band=1e-4)
     plain, moving = adapt(x, body, target), adapt(x, body, target, interaction=ahead)
-    euclid = solve(plain, x, Newton())
+    euclid = solve(plain, x, Ipopt(()))
     wrists = [body.names.index(f"{side}Wrist") for side in ("Left", "Right")]
     starts = {"from the source": x, "from Euclid's solution": euclid.positions}
     found = {name: solve(moving, start, Spectral(max_iterations=4000)) for name, start in starts.items()}

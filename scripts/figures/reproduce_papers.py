@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import paper_plots as draw
-from paper_instances import sensor_network, stiff_mesh
+from paper_instances import lifted_starts, sensor_network, stiff_mesh
 from paper_scenes import (
     Crowd,
     clock,
@@ -29,7 +29,6 @@ from reproduce_interaction import Row, anticipation, clap, online, two_constrain
 
 from robot_retarget.papers import (
     Ipopt,
-    Newton,
     Objective,
     Sensing,
     SkeletalStructure,
@@ -50,7 +49,6 @@ from robot_retarget.papers.branch import Branching, branch_and_prune, nearest_re
 from robot_retarget.papers.formation import links
 from robot_retarget.papers.skeletal import posture_cases, resized, table_one_body
 from robot_retarget.papers.solvers import PointSolution
-from robot_retarget.papers.spectral import lifted_starts
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 START, END = "<!-- reproduced: start -->", "<!-- reproduced: end -->"
@@ -185,16 +183,16 @@ def postures(out: Path) -> list[Row]:
     """The posture table of 2017."""
     body = table_one_body()
     x, rows, drawn = body.initial_pose, [], []
-    solve(adapt(x, body, body.scaled(1.1)), x, Newton())  # the first call also loads libraries
+    solve(adapt(x, body, body.scaled(1.1)), x, Ipopt(()))  # the first call also loads libraries
     for name, factors in posture_cases().items():
         target = resized(body, factors)
         graph = adapt(x, body, target)
-        soft, exact = solve(graph, x), solve(graph, x, Newton())
+        soft, exact = solve(graph, x), solve(graph, x, Ipopt(()))
         hard = solve(graph, x, Ipopt())
         bones = soft.relative_errors[graph.edges.kind == "bone"].max()
         got = (
             f"σ {stress(graph, x):.4g} → {exact.stress:.6e} (spectral {soft.iterations[0]} iterations, {soft.seconds * 1e3:.1f} ms; "
-            f"Newton {exact.iterations[0]}, {exact.seconds * 1e3:.1f} ms); bones off by {bones:.1%}; hard bones σ {hard.stress:.6e}"
+            f"IPOPT {exact.iterations[0]}, {exact.seconds * 1e3:.1f} ms); bones off by {bones:.1%}; hard bones σ {hard.stress:.6e}"
         )
         says = "reproduced with slight deformation, < 1 s" if name == "spine +60 %" else "< 1 s"
         rows.append((f"2017, {name}", says, got))
@@ -262,7 +260,7 @@ def mesh(out: Path) -> list[Row]:
         stiff = interval.select(interval.edges.exact)
         found = branch_and_prune(interval, Branching(tolerance=2e-3, samples=41))
         previous = nearest_realization(found, previous) if frame else found.positions[0]
-        previous = solve(stiff, previous, Newton()).positions[0]
+        previous = solve(stiff, previous, Ipopt(())).positions[0]
         lengths["branch and prune"].append(distances(stiff, previous))
         lengths["pulled by all distances"].append(distances(stiff, solve(pulled, previous).positions))
     spent = time.perf_counter() - began
@@ -289,7 +287,7 @@ def networks(_: Path) -> list[Row]:
             graph, error, attempt = sensor_network(count, instance), np.inf, 0
             while error >= 1e-3 and attempt < 6:
                 rough = multistart(graph, list(lifted_starts(graph, 20, attempt)))
-                error, attempt = solve(graph, rough.positions, Newton()).largest_error, attempt + 1
+                error, attempt = solve(graph, rough.positions, Ipopt(())).largest_error, attempt + 1
             errors.append(error)
             rounds.append(attempt)
     got = (

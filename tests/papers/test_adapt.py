@@ -12,7 +12,6 @@ from robot_retarget.human.match import normalised_distances, path_priorities, pa
 from robot_retarget.papers import (
     Blend,
     Ipopt,
-    Newton,
     SkeletalStructure,
     Spectral,
     adapt,
@@ -62,15 +61,15 @@ def test_every_case_has_an_oracle() -> None:
 
 
 @pytest.mark.parametrize("case", list(ORACLE))
-def test_three_solvers_reach_the_reference_minimum(case: str) -> None:
+def test_both_solvers_reach_the_reference_minimum(case: str) -> None:
     at_start, least, hard_least = ORACLE[case]
     graph = adapt(POSTURE, BODY, resized(BODY, posture_cases()[case]))
     assert stress(graph, POSTURE) == pytest.approx(at_start, rel=2e-3)
-    papers, newton = solve(graph, POSTURE), solve(graph, POSTURE, Newton())
+    papers, second = solve(graph, POSTURE), solve(graph, POSTURE, Ipopt(()))
     assert papers.converged
-    assert newton.converged
+    assert second.converged
     assert papers.stress == pytest.approx(least, abs=1e-6)
-    assert newton.stress == pytest.approx(least, rel=1e-7, abs=1e-12)
+    assert second.stress == pytest.approx(least, rel=1e-7, abs=1e-12)
     tight = solve(graph, POSTURE, Spectral(value_tolerance=1e-14, step_tolerance=1e-8))
     assert tight.stress == pytest.approx(least, rel=1e-7, abs=1e-12)
     hard = solve(graph, POSTURE, Ipopt())
@@ -89,7 +88,7 @@ def test_papers_tolerances_lose_less_than_a_millionth() -> None:
 def test_uniform_scale_leaves_no_stress(scale: float) -> None:
     graph = adapt(POSTURE, BODY, BODY.scaled(scale))
     assert stress(graph, scale * POSTURE) < 1e-24
-    assert solve(graph, POSTURE, Newton()).stress < 1e-12
+    assert solve(graph, POSTURE, Ipopt(())).stress < 1e-12
 
 
 def test_the_same_body_keeps_its_posture() -> None:

@@ -10,7 +10,7 @@ from paper_scenes import meeting, team
 from robot_retarget.base.errors import UsageError
 from robot_retarget.papers import (
     Interaction,
-    Newton,
+    Ipopt,
     Objective,
     Sensing,
     Team,
@@ -34,7 +34,7 @@ def walked_online(horizon: int) -> PointSolution:
     base = replace(scene.traces(False), interaction=Interaction(horizon))
     wishes = pair_edges(base, [("a", "b")], 0.1, kind=INTERACTION, priority=100.0)
     graph = base.joined(wishes, smoothness_edges(scene.names, scene.animation))
-    return solve_causally(graph, scene.animation, Newton(), Objective.HALF_SQUARED)
+    return solve_causally(graph, scene.animation, Ipopt(()), Objective.HALF_SQUARED)
 
 
 def first_reaction(x: np.ndarray) -> int:
@@ -57,10 +57,10 @@ def test_interaction_distance_avoids_earlier_and_more_gently() -> None:
 def test_causal_solution_does_not_know_the_future() -> None:
     scene = meeting()
     graph = scene.traces(False).joined(scene.thresholds(0.1))
-    whole = solve_causally(graph, scene.animation, Newton())
+    whole = solve_causally(graph, scene.animation, Ipopt(()))
     spoilt = scene.animation.copy()
     spoilt[4:] += 7.0
-    np.testing.assert_array_equal(solve_causally(graph, spoilt, Newton()).positions[:, :2], whole.positions[:, :2])
+    np.testing.assert_array_equal(solve_causally(graph, spoilt, Ipopt(())).positions[:, :2], whole.positions[:, :2])
     np.testing.assert_array_equal(whole.positions[:3], scene.animation[:3])
 
 

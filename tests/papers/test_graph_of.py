@@ -11,7 +11,6 @@ from robot_retarget.base.files import SAMPLES
 from robot_retarget.human.read import read_motion
 from robot_retarget.papers import (
     Ipopt,
-    Newton,
     Objective,
     PointGraph,
     SkeletalStructure,
@@ -70,18 +69,16 @@ def test_huber_scales_count_small_errors_by_squares_and_large_ones_linearly(seed
     assert (gradient(graph, y, objective)[0] * move).sum() == pytest.approx(slope, rel=1e-5, abs=1e-6)
 
 
-def test_three_solvers_agree_on_edges_with_huber_scales() -> None:
+def test_both_solvers_agree_on_edges_with_huber_scales() -> None:
     draw = np.random.default_rng(1)
     x = draw.normal(size=(2, 5, 3))
     graph = with_huber(frame_edges("abcde", x), 0.1)
     target = graph.edges.lower * draw.uniform(0.5, 1.0, len(graph.edges))
     graph = graph.with_targets(lower=target, upper=target)
-    newton, ipopt, spectral = solve(graph, x, Newton()), solve(graph, x, Ipopt(hard=())), solve_frames(graph, x)
-    assert newton.converged and 0.0 < newton.stress < 0.3 * stress(graph, x)
-    assert ipopt.stress == pytest.approx(newton.stress, rel=1e-6) and spectral.stress == pytest.approx(
-        newton.stress, rel=1e-3
-    )
-    assert newton.iterations[0] < 40
+    second, spectral = solve(graph, x, Ipopt(())), solve_frames(graph, x)
+    assert second.converged and 0.0 < second.stress < 0.3 * stress(graph, x)
+    assert spectral.stress == pytest.approx(second.stress, rel=1e-3)
+    assert second.iterations[0] < 40
 
 
 def test_a_huber_scale_of_nothing_is_refused_by_name() -> None:

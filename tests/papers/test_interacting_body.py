@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.distance import pdist, squareform
 
 from robot_retarget.base.errors import UsageError
-from robot_retarget.papers import Blend, Interaction, Newton, Spectral, adapt, solve, stress
+from robot_retarget.papers import Blend, Interaction, Ipopt, Spectral, adapt, solve, stress
 from robot_retarget.papers.skeletal import ARMS, resized, table_one_body
 
 AHEAD = Interaction(6, dead_band=1e-4)
@@ -46,7 +46,7 @@ def test_longer_arms_are_solved_from_the_euclidean_solution_and_not_from_the_sou
     body, x = table_one_body(), clapping()
     longer = resized(body, dict.fromkeys(ARMS, 1.2))
     moving = adapt(x, body, longer, interaction=AHEAD)
-    euclid = solve(adapt(x, body, longer), x, Newton()).positions
+    euclid = solve(adapt(x, body, longer), x, Ipopt(())).positions
     options = Spectral(max_iterations=400)
     near, far = (solve(moving, start, options).stress for start in (euclid, x))
     assert near < 0.9 * stress(moving, euclid) and near < 0.7 * far
