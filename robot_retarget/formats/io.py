@@ -7,10 +7,21 @@ from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import FileError, TrajectoryError, UsageError, known
 from robot_retarget.base.files import replacing, replacing_folder, require_writable, write_text
 from robot_retarget.base.untrusted.limits import refusing
+from robot_retarget.formats import (
+    archives,
+    lerobot,
+    mujoco_files,
+    omniretarget,
+    pickles,
+    ros,
+    servo_files,
+    skeleton,
+    tables,
+    tracking,
+)
 from robot_retarget.formats.columns import Columns, assembled, doubt, holds, reordered
 from robot_retarget.formats.robot_motion import FormatOptions, RobotMotion, continuous, robot_motion
-from robot_retarget.formats.source import TrajectoryFormat, TrajectorySource, sidecar_path, sidecar_text
-from robot_retarget.formats.table import FORMATS
+from robot_retarget.formats.source import ROWS, TrajectoryFormat, TrajectorySource, sidecar_path, sidecar_text
 from robot_retarget.robot.catalog import Played, as_robot, on_robot
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import resample
@@ -19,6 +30,13 @@ from robot_retarget.scene.mjcf import mjcf_file
 from robot_retarget.scene.shape import ShapeKind
 from robot_retarget.trajectory import Trajectory
 from robot_retarget.trajectory import load_trajectory as load_native
+
+# The table of formats: those of the modules here, in the order of `formats.toml`; a new format is a row there and `declared` in a module.
+
+_MODULES = archives, lerobot, mujoco_files, omniretarget, pickles, ros, servo_files, skeleton, tables, tracking
+_FOUND = {one.name: one for module in _MODULES for one in vars(module).values() if isinstance(one, TrajectoryFormat)}
+FORMATS: dict[str, TrajectoryFormat] = {name: _FOUND[name] for name in ROWS}
+
 
 OBJECT_LEFT_OUT = "The object's pose is left out: the file has no shape for it. Name the file of its scene (--scene)."
 

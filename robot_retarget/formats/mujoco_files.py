@@ -11,9 +11,9 @@ import numpy as np
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.formats.columns import Columns
-from robot_retarget.formats.named_csv import rate
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import TrajectorySource, declared
+from robot_retarget.formats.tables import rate
 from robot_retarget.robot.model import Robot
 from robot_retarget.scene import read_scene
 from robot_retarget.scene.geoms import PREFIX

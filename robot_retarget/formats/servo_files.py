@@ -12,10 +12,9 @@ from robot_retarget.base.errors import TrajectoryError, UsageError, known
 from robot_retarget.base.files import plain_cell
 from robot_retarget.base.untrusted.limits import file_bytes
 from robot_retarget.formats.columns import Columns, joint_called
-from robot_retarget.formats.named_csv import TIME, named_table, rate
 from robot_retarget.formats.robot_motion import FormatOptions, RobotMotion
-from robot_retarget.formats.rows import NUMBER
 from robot_retarget.formats.source import TrajectorySource, declared
+from robot_retarget.formats.tables import NUMBER, TIME, named_table, rate
 from robot_retarget.robot.model import Robot
 
 # Format `servo-ticks`: goal positions of Dynamixel servos, `time [s]` and `NAME [tick]` a joint, by the robot's servo map.

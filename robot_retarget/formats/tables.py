@@ -1,4 +1,4 @@
-"""Tables with a header: `csv`, every robot with units, and `soma`."""
+"""Tables of text: rows of numbers without a header, `csv` with a header that names units, and `soma`."""
 
 import csv
 import io
@@ -10,11 +10,66 @@ from scipy.spatial.transform import Rotation
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import TrajectoryError, known
 from robot_retarget.base.files import plain_cell
-from robot_retarget.formats.columns import Columns, joint_called
+from robot_retarget.formats.columns import FIRST_LAST, LAST_FIRST, Columns, joint_called
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.rows import NUMBER
-from robot_retarget.formats.source import TrajectorySource, declared
+from robot_retarget.formats.source import ROWS, TrajectoryFormat, TrajectorySource, declared
 from robot_retarget.robot.model import FREE, HINGE, Robot
+
+# Tables without a header: root x y z [m], a quaternion, joints [rad]. Several formats are that and differ in the quaternion.
+
+NUMBER = "%.12g"
+ROOT = 7
+
+
+def rows_format(name: str) -> TrajectoryFormat:
+    """Return a format of rows at 30 frames a second; the quaternion is `wxyz` or `xyzw`."""
+    from_file, to_file = (
+        (slice(None),) * 2 if ROWS[name].get("quaternion", "wxyz") == "wxyz" else (FIRST_LAST, LAST_FIRST)
+    )
+
+    def write(motion: RobotMotion, path: Path) -> None:
+        rows = np.column_stack([motion.position, motion.quaternion[:, to_file], motion.angles])
+        np.savetxt(path, rows, fmt=NUMBER, delimiter=",")
+
+    def read(source: TrajectorySource) -> Columns:
+        rows = number_rows(source)
+        return Columns(rows[:, ROOT:], source.names(), rows[:, :3], rows[:, 3:ROOT][:, from_file], source.sidecar_fps)
+
+    return declared(name, write, read, looks_like_rows)
+
+
+def number_rows(source: TrajectorySource, skip: int = 0) -> Floats:
+    """(T, C) the numbers of a table.
+
+    Raises:
+        TrajectoryError: a line that is not numbers or has another width, or fewer columns than a root has.
+    """
+    lines = source.text.split("\n")
+    try:
+        rows = np.loadtxt(lines[skip:], delimiter=",", ndmin=2)
+    except ValueError as error:
+        raise TrajectoryError(f"not a table of numbers: {error}") from error
+    if not rows.size:
+        raise TrajectoryError("no rows")
+    if rows.shape[1] <= ROOT:
+        raise TrajectoryError(f"{rows.shape[1]} columns; a root takes {ROOT} and every joint one")
+    return rows
+
+
+def looks_like_rows(source: TrajectorySource) -> bool:
+    """Whether a file is a table of numbers whose columns 3 to 6 are a unit quaternion, in either order."""
+    fields = source.head.split(",")
+    try:
+        first = np.array([float(field) for field in fields])
+    except ValueError:
+        return False
+    return len(first) > ROOT and abs(float(np.linalg.norm(first[3:ROOT])) - 1) < 0.01
+
+
+UNITREE, KIMODO, PROTOMOTIONS_CSV = map(rows_format, ("unitree", "kimodo", "protomotions-csv"))
+
+
+# Tables with a header: `csv`, every robot with units, and `soma`.
 
 # Format `csv`: one row a frame, a header that names every column and its unit.
 #
@@ -143,7 +198,7 @@ CSV = declared(
 # `Frame`, `root_translateX` … **[cm]**, `root_rotateX` … **[degrees]**, R = R_z R_y R_x about fixed axes, then `NAME_dof`
 # (version 0.1, BONES-SEED) or `NAME` (version 0.2) **[degrees]**. No rate in the file: 120 frames per second are taken.
 
-ROOT = [f"root_{what}{axis}" for what in ("translate", "rotate") for axis in "XYZ"]
+SOMA_ROOT = [f"root_{what}{axis}" for what in ("translate", "rotate") for axis in "XYZ"]
 FRAME = "Frame"
 JOINT = "_dof"
 """Behind the joints' names where this package writes them."""
@@ -156,7 +211,7 @@ def write_soma(motion: RobotMotion, path: Path) -> None:
     rows = np.column_stack([motion.position * CENTIMETRES, turns, np.degrees(motion.angles)])
     with path.open("w", newline="", encoding="utf-8") as stream:
         csv.writer(stream, lineterminator="\n").writerow(
-            [FRAME, *ROOT, *(plain_cell(name + JOINT) for name in motion.joints)]
+            [FRAME, *SOMA_ROOT, *(plain_cell(name + JOINT) for name in motion.joints)]
         )
         np.savetxt(
             stream, np.column_stack([np.arange(len(rows)), rows]), fmt=["%d"] + [NUMBER] * rows.shape[1], delimiter=","
@@ -171,12 +226,12 @@ def read_soma(source: TrajectorySource) -> Columns:
     """
     names, rows = named_table(source)
     found = dict(zip(names, rows.T, strict=True))
-    missing = [name for name in ROOT if name not in found]
+    missing = [name for name in SOMA_ROOT if name not in found]
     if missing:
         raise TrajectoryError(f"no column {missing[0]!r}")
     _require_every_frame(found.get(FRAME))
-    joints = [name for name in names if name not in (FRAME, *ROOT)]
-    root = np.column_stack([found[name] for name in ROOT])
+    joints = [name for name in names if name not in (FRAME, *SOMA_ROOT)]
+    root = np.column_stack([found[name] for name in SOMA_ROOT])
     return Columns(
         np.radians(rows[:, [names.index(name) for name in joints]]),
         tuple(joints),
@@ -196,4 +251,4 @@ def _require_every_frame(numbers: Floats | None) -> None:
         raise TrajectoryError(f"frame {numbers[first + 1]:g} follows frame {numbers[first]:g}: rows are missing")
 
 
-SOMA = declared("soma", write_soma, read_soma, lambda source: set(ROOT) <= set(source.head.split(",")))
+SOMA = declared("soma", write_soma, read_soma, lambda source: set(SOMA_ROOT) <= set(source.head.split(",")))
