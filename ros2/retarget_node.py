@@ -21,7 +21,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import robot_retarget as rr
 from robot_retarget.live.loop import LivePose, Loop
-from robot_retarget.live.open import opened
+from robot_retarget.live.sources import opened
 from robot_retarget.robot import recognise
 from robot_retarget.robot.anatomy import joints_by_limb
 

@@ -24,7 +24,7 @@ from robot_retarget.graph.edits import read_edits
 from robot_retarget.human.match import match
 from robot_retarget.human.read import read_motion
 from robot_retarget.judge.verdict import read_thresholds
-from robot_retarget.live.motion_files import load_calibration, save_calibration
+from robot_retarget.live.sources import load_calibration, save_calibration
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.catalog import read_limits
 from robot_retarget.servo.judgement import require_judged

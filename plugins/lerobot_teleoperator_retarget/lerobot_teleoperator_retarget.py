@@ -13,7 +13,7 @@ from lerobot.teleoperators import Teleoperator, TeleoperatorConfig
 from lerobot.utils.errors import DeviceAlreadyConnectedError, DeviceNotConnectedError
 
 from robot_retarget.live.loop import LivePose, Loop
-from robot_retarget.live.open import LOOPBACK, opened
+from robot_retarget.live.sources import LOOPBACK, opened
 from robot_retarget.robot import load_robot
 from robot_retarget.solver.stream import Stream
 

@@ -8,46 +8,27 @@ All shares start at 1. Links that overlap halve the shares of the joints between
 other. The guard goes back, not around: a limb whose path leads through another waits until its goal is on its side again.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from robot_retarget.base.arrays import Floats, Ints
-from robot_retarget.base.errors import UsageError
 from robot_retarget.robot import Robot
 from robot_retarget.robot.distances import Separation
 from robot_retarget.robot.kinematics import carrying
 
-
-@dataclass(frozen=True)
-class GuardOptions:
-    """Tolerance and effort of a guard.
-
-    Raises:
-        UsageError: an option out of range.
-    """
-
-    overlap: float = 5e-4
-    """Largest overlap of two links that is accepted [m]: that of the solver, whose poses pass unchanged."""
-    halvings: int = 3
-    """Number of times a share is halved before it becomes 0 [-]."""
-
-    def __post_init__(self) -> None:
-        if not (0 <= self.overlap < np.inf and self.halvings >= 0):
-            raise UsageError(f"a guard takes overlap ≥ 0 m and halvings ≥ 0, got {self.overlap} and {self.halvings}")
+OVERLAP = 5e-4
+"""Largest overlap of two links that is accepted [m]: that of the solver, whose poses pass unchanged."""
+LEAST = 0.5**3
+"""A share that is halved below it becomes 0 [-]."""
 
 
 class SelfCollisionGuard:
     """Guards the goals of one robot; the root does not matter."""
 
-    robot: Robot
-    options: GuardOptions
-
-    def __init__(self, robot: Robot, options: GuardOptions | None = None):
+    def __init__(self, robot: Robot):
         """Compile the robot's collision model."""
-        self.robot, self.options = robot, options or GuardOptions()
-        self.separation: Separation = Separation(robot, reach=self.options.overlap)
+        self.robot: Robot = robot
+        self.separation: Separation = Separation(robot, reach=OVERLAP)
         carried = carrying(robot.model)[:, robot.dof_index]
         self.between: NDArray[np.bool_] = carried[:, None] ^ carried[None]
         """(B, B, n) whether a joint moves one body against another."""
@@ -61,19 +42,19 @@ class SelfCollisionGuard:
             last: (nq,) last goal; where links overlap in it already, the overlap may shrink but not grow.
             goal: (nq,) next goal.
         """
-        pairs = self._overlapping(goal, self.options.overlap)
+        pairs = self._overlapping(goal, OVERLAP)
         if not len(pairs):
             return goal
         self.changed += 1
-        allowed = max(self.options.overlap, self.separation.depth(last))
+        allowed = max(OVERLAP, self.separation.depth(last))
         columns = self.robot.qpos_index
-        step, share, least = goal[columns] - last[columns], np.ones(len(columns)), 0.5**self.options.halvings
+        step, share = goal[columns] - last[columns], np.ones(len(columns))
         trial = goal.copy()
         while len(pairs := self._overlapping(trial, allowed)):
             slower = self.between[pairs[:, 0], pairs[:, 1]].any(axis=0) & (share > 0)
             if not slower.any():
                 return last.copy()
-            share[slower] = np.where(share[slower] > least, share[slower] / 2, 0.0)
+            share[slower] = np.where(share[slower] > LEAST, share[slower] / 2, 0.0)
             trial[columns] = last[columns] + share * step
         return trial
 

@@ -23,8 +23,7 @@ from robot_retarget.actuators.map import load_map
 from robot_retarget.base.files import SAMPLES
 from robot_retarget.live.frame import FaultCounter
 from robot_retarget.live.loop import LivePose, Loop
-from robot_retarget.live.ports import UdpPort
-from robot_retarget.live.receiver import Receiver
+from robot_retarget.live.receiver import Receiver, UdpPort
 from robot_retarget.live.sinks import ServoSink, run_servos
 from robot_retarget.live.vmc import VmcDecoder
 from robot_retarget.servo.play import emulator_process

@@ -16,8 +16,7 @@ from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import read_motion
 from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.live.frame import FaultCounter
-from robot_retarget.live.ports import Packet, UdpPort
-from robot_retarget.live.receiver import Decoder, Receiver
+from robot_retarget.live.receiver import Decoder, Packet, Receiver, UdpPort
 from robot_retarget.robot import Robot
 from robot_retarget.solver.stream import StreamPose as Answer
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from made_trajectories import swing, wander
 
-from robot_retarget.base.errors import UsageError
-from robot_retarget.live.guard import GuardOptions, SelfCollisionGuard
+from robot_retarget.live.guard import OVERLAP, SelfCollisionGuard
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.contacts import replay_contacts
 
@@ -48,7 +47,7 @@ def test_an_overlap_at_the_start_does_not_grow(op3: Robot) -> None:
     guard = SelfCollisionGuard(op3)
     start = folded[int(np.argmax([guard.separation.depth(q) for q in folded]))]
     deeper = start + 0.02 * (start - op3.standing())
-    assert guard.separation.depth(start) > GuardOptions().overlap
+    assert guard.separation.depth(start) > OVERLAP
     assert guard.separation.depth(guard.admit(start, deeper)) <= guard.separation.depth(start)
     out = guard.admit(start, start + 0.5 * (op3.standing() - start))
     assert guard.separation.depth(out) < guard.separation.depth(start)
@@ -63,9 +62,3 @@ def test_the_guard_takes_a_small_part_of_a_tick(op3: Robot) -> None:
         safe = guard.admit(safe, goal)
         taken.append(time.thread_time() - began)
     assert np.median(taken) < 2e-3
-
-
-def test_options_out_of_range_are_refused() -> None:
-    for overlap in (-1e-3, float("nan")):
-        with pytest.raises(UsageError):
-            GuardOptions(overlap=overlap)

@@ -13,7 +13,7 @@ from robot_retarget.base.errors import UsageError
 from robot_retarget.human.motion import Motion
 from robot_retarget.live.frame import Fault, FaultCounter
 from robot_retarget.live.headsets import HeadsetSource, IsaacHeadset, XrtHeadset
-from robot_retarget.live.open import opened
+from robot_retarget.live.sources import opened
 
 ELBOW = 18
 

@@ -17,9 +17,8 @@ from performers import HOST, Said, Script, Swing, clip, frames_for, listening, p
 from robot_retarget.live.frame import Fault, FaultCounter, Frame, RefusedError, SenderClock
 from robot_retarget.live.loop import Loop, Patience
 from robot_retarget.live.messages import LineDecoder, line_of, skeleton_line
-from robot_retarget.live.open import opened
-from robot_retarget.live.ports import NEWEST, Packet, UdpPort
-from robot_retarget.live.receiver import Decoder, Receiver
+from robot_retarget.live.receiver import NEWEST, Decoder, Packet, Receiver, UdpPort
+from robot_retarget.live.sources import opened
 from robot_retarget.live.vmc import VmcDecoder
 from robot_retarget.robot import load_robot
 

@@ -15,8 +15,8 @@ from robot_retarget.base.errors import MotionError, ServoError
 from robot_retarget.graph.track import Status
 from robot_retarget.live.frame import FaultCounter
 from robot_retarget.live.loop import Loop
-from robot_retarget.live.motion_files import Replay, load_calibration, save_calibration
 from robot_retarget.live.sinks import LineSink, ServoSink, run_servos
+from robot_retarget.live.sources import Replay, load_calibration, save_calibration
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.contacts import replay_contacts
 from robot_retarget.servo.cycle import Guard

@@ -10,8 +10,7 @@ from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.live.frame import Fault, FaultCounter, RefusedError, SenderClock
 from robot_retarget.live.headsets import HeadsetSource, TrackedBody
 from robot_retarget.live.messages import LineDecoder, line_of, skeleton_line
-from robot_retarget.live.ports import StdinPort
-from robot_retarget.live.receiver import Receiver
+from robot_retarget.live.receiver import Receiver, StdinPort
 
 BODY = Skeleton(("a", "b"), np.array([-1, 0]), np.array([[0.0, 0, 0], [0, 0, 1.0]]))
 

@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 
 import robot_retarget as rr
 from robot_retarget.base.errors import OutputError, UsageError
-from robot_retarget.tools.batch.clips import find_clips
 from robot_retarget.tools.batch.manifest import Manifest
+from robot_retarget.tools.batch.run import find_clips
 from robot_retarget.tools.batch.task import Settings, Shard
 from robot_retarget.tools.cli import app
 

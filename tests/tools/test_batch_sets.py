@@ -10,10 +10,9 @@ from small_batches import cut_clips, job_of, pretend, run
 from typer.testing import CliRunner
 
 from robot_retarget.base.errors import UsageError
-from robot_retarget.tools.batch.clips import find_clips
 from robot_retarget.tools.batch.manifest import Manifest
 from robot_retarget.tools.batch.pool import run_local
-from robot_retarget.tools.batch.run import plan_of
+from robot_retarget.tools.batch.run import find_clips, plan_of
 from robot_retarget.tools.batch.task import Allowance, Job, Settings, Task, robot_of
 from robot_retarget.tools.cli import app
 

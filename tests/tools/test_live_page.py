@@ -15,7 +15,7 @@ from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import read_motion
 from robot_retarget.live.frame import Fault, FaultCounter
 from robot_retarget.live.loop import Loop
-from robot_retarget.live.motion_files import Replay
+from robot_retarget.live.sources import Replay
 from robot_retarget.robot import load_robot
 from robot_retarget.tools.view.web.live import LiveRobot, PageSink
 from robot_retarget.tools.view.web.serve import serve

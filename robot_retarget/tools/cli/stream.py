@@ -72,7 +72,7 @@ def stream(
 ) -> None:
     """Have a robot follow a performer live. Ctrl-C ends it with a summary; exit code 1 when servos were stopped."""
     from robot_retarget.base.files import require_suffix, require_writable
-    from robot_retarget.live.open import opened
+    from robot_retarget.live.sources import opened
 
     if how.calibrate is not None:
         require_suffix(how.calibrate, ".npz", "calibrations are arrays")
@@ -107,7 +107,7 @@ class StreamRun:
     def loop(self, sink: "Sink") -> "Loop":
         """The loop into a sink."""
         from robot_retarget.live.loop import Loop
-        from robot_retarget.live.motion_files import load_calibration
+        from robot_retarget.live.sources import load_calibration
         from robot_retarget.solver.stream import Stream
 
         path = self.calibrate
@@ -136,7 +136,7 @@ class StreamRun:
 
     def save_calibration(self, loop: "Loop") -> None:
         """Save the calibration of the performer if a file for it is given."""
-        from robot_retarget.live.motion_files import save_calibration
+        from robot_retarget.live.sources import save_calibration
 
         learnt = getattr(loop.stream, "calibration", None)
         if self.calibrate is not None and learnt is not None:
@@ -170,8 +170,7 @@ def _to_page(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str, An
 
 def _heard_at(source: "FrameSource") -> str:
     """Return where frames come from, or the address that a performer sends them to."""
-    from robot_retarget.live.ports import UdpPort
-    from robot_retarget.live.receiver import Receiver
+    from robot_retarget.live.receiver import Receiver, UdpPort
 
     port = source.port if isinstance(source, Receiver) else None
     if not isinstance(port, UdpPort):
