@@ -5,7 +5,7 @@ from tempfile import mkdtemp
 
 import robot_retarget as rr
 from robot_retarget.base.files import SAMPLES
-from robot_retarget.collision.warn import warnings_of
+from robot_retarget.collision import warnings_of
 
 robot = rr.load_robot("op3")
 path = Path(mkdtemp()) / "theirs.pkl"

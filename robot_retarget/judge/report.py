@@ -14,7 +14,7 @@ from robot_retarget.base.errors import UsageError
 from robot_retarget.base.files import MODELS, write_text
 from robot_retarget.base.pages import card, data_frame
 from robot_retarget.base.untrusted.documents import FORMAT_VERSION, SEAL, content_sha256, read_json, sealed
-from robot_retarget.collision.warn import Warnings
+from robot_retarget.collision import Warnings
 from robot_retarget.judge.feedback import feedback_figures
 from robot_retarget.judge.figures import (
     Tracking,

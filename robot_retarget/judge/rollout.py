@@ -12,7 +12,7 @@ from robot_retarget.base.choices import Stand
 from robot_retarget.base.errors import UsageError
 from robot_retarget.base.progress import Count, Progress
 from robot_retarget.base.untrusted.documents import NAMES
-from robot_retarget.collision.warn import Warnings
+from robot_retarget.collision import Warnings
 from robot_retarget.judge.bodies import Objects
 from robot_retarget.judge.build import build_plant, single_hinges
 from robot_retarget.judge.compensate import compensated
@@ -90,7 +90,7 @@ def simulate(
         goals: goals to judge in place of these.
         others: judge on other servos than the modelled ones too (`judges`), and report the servos with the worst outcome.
         thresholds: limits of a pass (`thresholds.read_thresholds` reads them from TOML).
-        warnings: of the trajectory (`collision.warn.warnings_of`), by default those of the result; the report then says
+        warnings: of the trajectory (`collision.warnings_of`), by default those of the result; the report then says
             how they agree with the contacts that happened.
         draws: in mode `free`, number of drawn simulations (`domain.draws`) if the robot stays up in this one.
         feedback: judge goals together with the balance feedback of the robot's servo map. None does so in mode `free` if the

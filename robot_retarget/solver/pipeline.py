@@ -10,7 +10,7 @@ from robot_retarget.base.choices import Balance, Legs, Preset, require_keywords
 from robot_retarget.base.errors import MatchError
 from robot_retarget.base.pages import card
 from robot_retarget.base.progress import Progress, consecutive
-from robot_retarget.collision.warn import Warnings, warnings_of
+from robot_retarget.collision import Warnings, warnings_of
 from robot_retarget.graph.describe import DescribeArguments, RobotGraph, describe
 from robot_retarget.graph.kinds import KINDS
 from robot_retarget.graph.weights import Weights

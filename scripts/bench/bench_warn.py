@@ -19,7 +19,7 @@ from scipy.ndimage import maximum_filter1d
 import robot_retarget as rr
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.files import SAMPLES
-from robot_retarget.collision.warn import Warner, WarnOptions, warnings_of
+from robot_retarget.collision import Warner, WarnOptions, warnings_of
 from robot_retarget.robot.distances import LinkDistances
 from robot_retarget.trajectory import Trajectory
 

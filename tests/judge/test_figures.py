@@ -15,7 +15,7 @@ from shared_files import ROOT, SHARED, needs_shared
 
 from robot_retarget.actuators.motors import MOTORS
 from robot_retarget.base.errors import RobotError, UsageError
-from robot_retarget.collision.warn import warnings_of
+from robot_retarget.collision import warnings_of
 from robot_retarget.judge.compensate import compensated
 from robot_retarget.judge.figures import fall_figures
 from robot_retarget.judge.playback import Playback, roll_out

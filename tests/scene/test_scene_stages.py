@@ -8,7 +8,7 @@ import pytest
 from shared_files import ROOT
 
 import robot_retarget as rr
-from robot_retarget.collision.warn import warnings_of
+from robot_retarget.collision import warnings_of
 from robot_retarget.edit.cuts import mirrored, trimmed
 from robot_retarget.edit.touchup import apply_edit, graph_of
 from robot_retarget.graph.edits import Edit

@@ -13,7 +13,7 @@ from made_trajectories import hold, swing
 from PIL import Image
 
 from robot_retarget.base.errors import TrajectoryError
-from robot_retarget.collision.warn import warnings_of
+from robot_retarget.collision import warnings_of
 from robot_retarget.judge.playback import Playback, roll_out
 from robot_retarget.judge.report import Report, SimulatedTrajectory, build_report
 from robot_retarget.judge.rollout import plant_of, simulate

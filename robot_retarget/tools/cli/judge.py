@@ -50,7 +50,7 @@ def simulate(how: SimulateOptions, robot: opt.RobotOptions, printing: opt.PrintO
     """
     from robot_retarget.base.files import require_suffix, require_writable
     from robot_retarget.base.untrusted.documents import NAMES
-    from robot_retarget.collision.warn import warnings_of
+    from robot_retarget.collision import warnings_of
     from robot_retarget.judge.rollout import mode_of
     from robot_retarget.judge.verdict import read_thresholds
     from robot_retarget.tools.view.film import loop
@@ -110,7 +110,7 @@ def warn(warned: WarnedOptions, robot: opt.RobotOptions, printing: opt.PrintOpti
     With itself and with the bodies around it; each warning is compared with what happened.
     """
     from robot_retarget.base.files import require_suffix, require_writable
-    from robot_retarget.collision.warn import WarnOptions, figures_of, warnings_of, write_csv
+    from robot_retarget.collision import WarnOptions, figures_of, warnings_of, write_csv
 
     output = warned.output
     if output is not None:

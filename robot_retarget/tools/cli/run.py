@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from robot_retarget.base.choices import Stand
     from robot_retarget.base.progress import Progress
-    from robot_retarget.collision.warn import Warnings
+    from robot_retarget.collision import Warnings
     from robot_retarget.servo.outcome import PlaybackOutcome
     from robot_retarget.tools.view.film import AnimatedWebP, Film
     from robot_retarget.tools.view.picture import Picture, Unavailable
@@ -191,7 +191,7 @@ def _tried(
     result: "rr.Result", target: Path, how: opt.JudgeOptions, progress: "Progress"
 ) -> tuple["rr.Report", "Warnings | None"]:
     """In simulation: `trajectory.npz` with its goals, `report.json` and, of more than one frame, `warnings.csv`."""
-    from robot_retarget.collision.warn import write_csv
+    from robot_retarget.collision import write_csv
 
     warnings = result.warnings if len(result.trajectory) > 1 else None
     report = rr.simulate(result, warnings=warnings, draws=how.draws, feedback=how.feedback, progress=progress)

@@ -9,7 +9,7 @@ import numpy as np
 
 from robot_retarget.base.arrays import Floats, intervals
 from robot_retarget.base.errors import install_line
-from robot_retarget.collision.warn import Warnings
+from robot_retarget.collision import Warnings
 from robot_retarget.judge.report import Report
 from robot_retarget.tools.view.picture import Unavailable
 

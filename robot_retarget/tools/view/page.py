@@ -11,7 +11,7 @@ from typing import Any
 from robot_retarget.base.errors import TrajectoryError
 from robot_retarget.base.files import write_text
 from robot_retarget.base.pages import rendered
-from robot_retarget.collision.warn import Warnings
+from robot_retarget.collision import Warnings
 from robot_retarget.judge.report import Report
 from robot_retarget.judge.report_text import facts, headline, judged_lines
 from robot_retarget.scores.figure import shown

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qs, urlsplit
 
 from robot_retarget.base.errors import RobotRetargetError, UsageError
-from robot_retarget.collision.warn import warnings_of
+from robot_retarget.collision import warnings_of
 from robot_retarget.judge.report import Report
 from robot_retarget.tools.view.web.take import Viewer
 from robot_retarget.trajectory import Trajectory

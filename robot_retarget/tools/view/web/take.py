@@ -14,7 +14,7 @@ import numpy as np
 from robot_retarget.base.arrays import Floats, Ints
 from robot_retarget.base.files import write_text
 from robot_retarget.base.pages import rendered
-from robot_retarget.collision.warn import Warnings, warnings_of
+from robot_retarget.collision import Warnings, warnings_of
 from robot_retarget.human.match import Match, match
 from robot_retarget.human.motion import Motion
 from robot_retarget.judge.report import Report

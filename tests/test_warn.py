@@ -9,7 +9,7 @@ from made_trajectories import hold, robot_of, wander
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.errors import TrajectoryError, UsageError
-from robot_retarget.collision.warn import State, Warner, Warnings, WarnOptions, warnings_of, write_csv
+from robot_retarget.collision import State, Warner, Warnings, WarnOptions, warnings_of, write_csv
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.contacts import replay_contacts
 from robot_retarget.robot.distances import LinkDistances

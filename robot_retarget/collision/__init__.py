@@ -1,1 +1,0 @@
-"""Self-collisions of a trajectory: warned of before they happen, and avoided."""
