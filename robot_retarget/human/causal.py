@@ -5,8 +5,7 @@ from math import hypot
 import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, lengths, unit
-from robot_retarget.contact.feet import CausalContacts, on_soles
-from robot_retarget.contact.rule import WINDOW
+from robot_retarget.contact.rule import WINDOW, CausalContacts, on_soles
 from robot_retarget.contact.touch import CausalBodyTouches
 from robot_retarget.human.features import DRIFT, HumanFeatures
 from robot_retarget.human.match import Match

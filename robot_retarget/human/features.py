@@ -8,8 +8,15 @@ from scipy.constants import g
 
 from robot_retarget.base.arrays import Bools, Floats, Ints, intervals, leftward
 from robot_retarget.base.errors import BalanceError
-from robot_retarget.contact.feet import contact_schedule, high_feet, in_the_air, on_soles
-from robot_retarget.contact.rule import JOINTS, lowest_over_time, without_flicker
+from robot_retarget.contact.rule import (
+    JOINTS,
+    contact_schedule,
+    high_feet,
+    in_the_air,
+    lowest_over_time,
+    on_soles,
+    without_flicker,
+)
 from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.segments import (

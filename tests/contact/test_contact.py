@@ -6,8 +6,7 @@ from scipy.spatial.transform import Rotation
 from shared_files import ROOT, SHARED, needs_shared
 
 import robot_retarget as rr
-from robot_retarget.contact.feet import contact_schedule, on_soles
-from robot_retarget.contact.rule import ContactRule, without_flicker
+from robot_retarget.contact.rule import ContactRule, contact_schedule, on_soles, without_flicker
 from robot_retarget.human.features import features_of
 from robot_retarget.human.match import match
 from robot_retarget.human.read import read_motion

@@ -15,7 +15,7 @@ MOST = {
     "human/recognition/recognise.py:recognise": 1,
     "human/match.py:human_positions": 2,
     "human/features.py:floor_under": 1,
-    "contact/feet.py:contact_schedule": 1,
+    "contact/rule.py:contact_schedule": 1,
     "human/features.py:calibrate": 1,
     "human/recognition/recognise.py:place": 8,
 }

@@ -51,7 +51,7 @@ def planted_feet(
     """Return (T, F) the feet of the robot on the ground or nearly so; at least one at every frame.
 
     Args:
-        stances: the human's, per foot (T, 2) toe and heel (`contact.feet`).
+        stances: the human's, per foot (T, 2) toe and heel (`contact.rule`).
         corners: (T, F, 4, 3) corners of the robot's retargeted soles [m].
         ground: under them; the floor alone by default.
 
