@@ -15,11 +15,10 @@ import numpy as np
 from robot_retarget.base.arrays import Bools, Floats
 from robot_retarget.base.choices import Preset, Terrain, require_keywords
 from robot_retarget.base.errors import UsageError
-from robot_retarget.graph.added import added_edge, with_added
+from robot_retarget.graph.added import End, added_edge, with_added
 from robot_retarget.graph.graph import Graph
 from robot_retarget.graph.kind import GroundedPhase, Kind, RetargetContext, StreamFrame, UnbalancedPhase
 from robot_retarget.graph.kinds import clip_kinds
-from robot_retarget.graph.kinds.own import End
 from robot_retarget.graph.placed_scene import PlacedScene, captured_scene, pelvis_path
 from robot_retarget.graph.track import STEP, Role, Track, columns_of, frame_costs, ordered
 from robot_retarget.graph.weights import REFERENCE_FPS, Weights

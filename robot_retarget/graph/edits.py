@@ -20,8 +20,8 @@ import numpy as np
 from robot_retarget.base.errors import GraphError, known
 from robot_retarget.base.files import write_text
 from robot_retarget.base.untrusted.documents import parse_toml, read_text
+from robot_retarget.graph.added import End
 from robot_retarget.graph.describe import RobotGraph
-from robot_retarget.graph.kinds.own import End
 
 KEYS = {
     "edge": ("a", "b", "at", "frames", "priority", "hard"),

@@ -1,11 +1,13 @@
 """Simulate a trajectory in MuJoCo and judge it: first as kinematics, then on position servos."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import cast, get_args
+
+import numpy as np
 
 from robot_retarget.actuators.goals import Goals
 from robot_retarget.base.choices import Stand
@@ -40,6 +42,7 @@ from robot_retarget.judge.worlds import draws as drawn_worlds
 from robot_retarget.robot.catalog import on_robot
 from robot_retarget.robot.contacts import replay_contacts
 from robot_retarget.robot.model import Robot
+from robot_retarget.robot.timing import sample_hinges
 from robot_retarget.scene.scene import Scene
 from robot_retarget.solver.pipeline import Result
 from robot_retarget.trajectory import Trajectory, fingerprint
@@ -195,11 +198,12 @@ def _fallen(
         scene, objects = trajectory.scene, "free" if plant.bodies is not None and plant.bodies.free else "carried"
         loose = build_plant(plant.robot, "free", plant.drives, BACKLASH, scene, objects)
     found = rollouts(loose, trajectory, draws, playback=playback, command=command, count=count)
-    return tuple(_fell(world, plant.robot, trajectory) for world in found)
+    return tuple(_fall(world, plant.robot, trajectory) is not None for world in found)
 
 
-def _fell(rollout: Rollout, robot: Robot, trajectory: Trajectory) -> bool:
-    return rollout.unstable is not None or fall_figures(rollout, robot, trajectory)["fall_s"] is not None
+def _fall(rollout: Rollout, robot: Robot, trajectory: Trajectory) -> float | None:
+    """Return when the simulation broke down or the robot fell [s], or None."""
+    return rollout.unstable if rollout.unstable is not None else fall_figures(rollout, robot, trajectory)["fall_s"]
 
 
 def plant_of(
@@ -258,3 +262,72 @@ def rollouts(
             if count:
                 count.advance()
         return found
+
+
+# How a frozen controller follows a trajectory: falls in the nominal world and in drawn ones, and the motion as executed.
+
+TRIED = 2
+"""Drawn worlds beside the nominal one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """A trajectory under a controller."""
+
+    name: str
+    falls: tuple[float | None, ...]
+    """When the robot falls in each world, the nominal one first; None where it stays up [s]."""
+    error: float
+    """Joints as executed, minus the reference, in the nominal world until a fall (rms) [rad]."""
+    executed: Trajectory
+    """The motion in the nominal world, until a fall."""
+
+    @property
+    def fallen(self) -> int:
+        """Number of worlds in which it falls."""
+        return sum(fall is not None for fall in self.falls)
+
+    def contract(self) -> dict[str, object]:
+        """Plain values for JSON."""
+        return {
+            "name": self.name,
+            "falls": self.fallen,
+            "worlds": len(self.falls),
+            "fall_s": self.falls,
+            "error_rad": self.error,
+        }
+
+
+def followed(trajectory: Trajectory, robot: Robot, policy: Policy, worlds: int = TRIED, name: str = "") -> Followed:
+    """Play a trajectory under a controller in the nominal world and in drawn ones.
+
+    Args:
+        trajectory: the reference.
+        robot: its robot, with the model's own actuators.
+        policy: the controller.
+        worlds: number of drawn worlds (`worlds.draws`).
+        name: of the trajectory; by default its source.
+
+    Raises:
+        UsageError: as `simulate` with a policy.
+    """
+    plant = under_policy(plant_of(robot, "free", None, 0.0, trajectory.scene), policy)
+    playback = Playback(rate=policy.contract.rate)
+    goals = plain_goals(plant, trajectory, playback)
+    nominal = roll_out(plant, trajectory, "free", playback, goals)
+    others = rollouts(plant, replace(trajectory, goals=goals), drawn_worlds(worlds), playback=playback, command=goals)
+    falls = tuple(_fall(each, robot, trajectory) for each in (nominal, *others))
+    end = trajectory.duration if falls[0] is None else max(falls[0], 0.0)
+    played = (nominal.times >= 0) & (nominal.times <= end)
+    states, times = nominal.qpos[played], nominal.times[played]
+    if not len(states):
+        states, times = nominal.qpos[-1:], nominal.times[-1:].clip(0.0)
+    wrong = states[:, robot.qpos_index] - sample_hinges(trajectory, robot, times)
+    human = np.interp(times, np.arange(len(trajectory)) / trajectory.fps, trajectory.source_time)
+    executed = replace(trajectory, qpos=states, fps=goals.rate, goals=None, source_time=human)
+    return Followed(name or trajectory.source, falls, round(float(np.sqrt((wrong**2).mean())), 4), executed)
+
+
+def ranked(found: Iterable[Followed]) -> list[Followed]:
+    """Return the trajectories that the controller follows best first: by falls, then by the error of joints."""
+    return sorted(found, key=lambda each: (each.fallen, each.error))

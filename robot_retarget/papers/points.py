@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from robot_retarget.base.arrays import Bools, Floats, frozen
 from robot_retarget.base.errors import GraphError, known
+from robot_retarget.graph.added import OwnKind
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.graph import Graph
 from robot_retarget.graph.interaction import Interaction
-from robot_retarget.graph.kinds.own import OwnKind
 from robot_retarget.graph.track import FRAME, HARD, Track, exact, merged
 from robot_retarget.human.motion import Motion
 from robot_retarget.papers.edges import BONE, Edges, expand

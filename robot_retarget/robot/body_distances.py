@@ -12,9 +12,8 @@ import numpy as np
 
 from robot_retarget.base.arrays import Floats, Ints
 from robot_retarget.base.errors import SceneError
-from robot_retarget.robot.geoms import solid_geoms
+from robot_retarget.robot.geoms import TOUCHING, solid_geoms
 from robot_retarget.robot.model import Robot
-from robot_retarget.robot.surfaces import TOUCHING
 from robot_retarget.scene.geoms import PREFIX, add_bodies, moving_bodies, place_bodies
 from robot_retarget.scene.scene import Scene
 

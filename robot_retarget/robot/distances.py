@@ -12,10 +12,9 @@ import mujoco
 import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, Ints
-from robot_retarget.robot.geoms import GeomDistances, Placed, allowed, joined, touchable, views
+from robot_retarget.robot.geoms import Boxes, Floor, GeomDistances, Placed, allowed, joined, touchable, views
 from robot_retarget.robot.kinematics import BLOCK, carrying
 from robot_retarget.robot.model import FREE, Robot
-from robot_retarget.robot.surfaces import Boxes, Floor
 
 # Work on the rows of an array in threads: MuJoCo's functions release the interpreter lock.
 

@@ -1,13 +1,16 @@
-"""Which geoms of a robot collide, and where they are in N configurations."""
+"""Which geoms of a robot collide, where they are in N configurations, and where boxes and the floor are near."""
 
 import copy
 import itertools
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 
 from robot_retarget.base.arrays import Floats, Ints
+from robot_retarget.robot.links import local_points
 from robot_retarget.robot.model import Robot
 
 # Which geoms of a robot collide, and which pairs of links may touch.
@@ -186,3 +189,232 @@ class Placed:
 def views(data: mujoco.MjData) -> tuple[Floats, ...]:
     """Return the arrays of `data` that a `Placed` copies."""
     return data.geom_xpos, data.geom_xmat, data.subtree_com, data.cdof
+
+
+# Places where two boxes are near each other: nearest points and corners, independent of the order of the boxes.
+#
+# MuJoCo's own contacts of boxes that do not touch yet miss pairs, are off by up to a centimetre, and change when the
+# boxes are mirrored. Here the nearest two points come from `mj_geomDistance`. One point alone lets boxes roll about it, so
+# the corners near the other box are added: a point p is ‖max(|p| − h, 0)‖ away from a box of half sizes h. Boxes that overlap
+# get no corners, because a corner inside a box has no direction out of it.
+
+TOUCHING = 1e-9
+"""Surfaces this near have no direction between them [m]."""
+TOGETHER = 32
+"""Configurations in which all boxes are compared with each other at once: their distances stay in the processor's cache."""
+_CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+
+
+class Boxes:
+    """Pairs of boxes that may collide, and the places at which they are near each other."""
+
+    model: mujoco.MjModel
+    pairs: Ints
+    reach: float
+    boxes: Ints
+
+    def __init__(self, model: mujoco.MjModel, pairs: Ints, reach: float):
+        """Watch pairs of box geoms (N, 2) within `reach` [m]."""
+        self.model, self.pairs, self.reach = model, pairs, reach
+        self.sizes: Floats = np.array(model.geom_size)
+        self.boxes, places = np.unique(pairs, return_inverse=True)
+        first, second = places.reshape(-1, 2).T
+        # Squared distances of centres; those of pairs that are not watched are never less.
+        self.balls: Floats = np.full((len(self.boxes), len(self.boxes)), -1.0)
+        self.balls[first, second] = (np.asarray(model.geom_rbound)[pairs].sum(axis=1) + reach) ** 2
+        self._data = mujoco.MjData(model)
+        self._positions, self._turns = self._data.geom_xpos, self._data.geom_xmat
+
+    def near(self, placed: Placed) -> GeomDistances:
+        """Return the places at which boxes are near each other."""
+        frame, pairs, turn, offset = self._candidates(placed)
+        if not len(pairs):
+            return NOWHERE
+        nearest = self._nearest(placed, frame, pairs)
+        apart = np.flatnonzero(nearest.distance > TOUCHING)
+        frame, pairs, turn, offset = (each.take(apart, axis=0) for each in (frame, pairs, turn, offset))
+        return nearest[np.flatnonzero(np.abs(nearest.distance) > TOUCHING)] + self._corners(
+            placed,
+            np.concatenate([frame, frame]),
+            np.concatenate([pairs, pairs[:, ::-1]]),
+            np.concatenate([turn, turn.mT]),
+            np.concatenate([offset, -_times(turn.mT, offset)]),
+        )
+
+    def _candidates(self, placed: Placed) -> tuple[Ints, Ints, Floats, Floats]:
+        """Pairs that no face holds farther apart than the reach, with their configurations.
+
+        Returns also the second box's rotation and centre in the first's axes.
+        """
+        centres = placed.positions.take(self.boxes, axis=1)
+        blocks = range(0, len(centres), TOGETHER)
+        near = [first * self.balls.size + self._within_balls(centres[first : first + TOGETHER]) for first in blocks]
+        frame, *ends = np.unravel_index(np.concatenate(near), (len(placed), *self.balls.shape))
+        one, other = (self.boxes.take(end) for end in ends)
+        first, gap = placed.matrices(frame, one).mT, placed.origins(frame, other) - placed.origins(frame, one)
+        turn, offset = first @ placed.matrices(frame, other), _times(first, gap)
+        size, other_size, spread = self.sizes.take(one, axis=0), self.sizes.take(other, axis=0), np.abs(turn)
+        apart = np.maximum(
+            np.abs(offset) - size - _times(spread, other_size),
+            np.abs(_times(turn.mT, offset)) - other_size - _times(spread.mT, size),
+        ).max(axis=1)
+        keep = (apart < self.reach).nonzero()[0]
+        return tuple(each.take(keep, axis=0) for each in (frame, np.stack([one, other], axis=1), turn, offset))
+
+    def _within_balls(self, centres: Floats) -> Ints:
+        """Return the places in (N, B, B) of the pairs whose balls are within reach, for centres (N, B, 3) of the boxes."""
+        squares, ones = (centres * centres).sum(axis=2, keepdims=True), np.ones((*centres.shape[:2], 1))
+        left = np.concatenate([squares, ones, centres], axis=2)
+        right = np.concatenate([ones, squares, -2 * centres], axis=2)
+        return np.flatnonzero(left @ right.mT < self.balls)
+
+    def _nearest(self, placed: Placed, frame: Ints, pairs: Ints) -> GeomDistances:
+        """The nearest points of every pair; boxes that just touch have no normal."""
+        ends, distance, last = np.zeros((len(pairs), 6)), np.empty(len(pairs)), -1
+        for k, (at, (a, b)) in enumerate(zip(frame.tolist(), pairs.tolist(), strict=True)):
+            if at != last:
+                self._positions[:], self._turns[:], last = placed.positions[at], placed.turns[at], at
+            distance[k] = mujoco.mj_geomDistance(self.model, self._data, a, b, 2 * self.reach, ends[k])
+        ends = ends.reshape(-1, 2, 3)
+        way = (ends[:, 1] - ends[:, 0]) / np.where(np.abs(distance) > TOUCHING, distance, np.inf)[:, None]
+        for k in np.flatnonzero(np.abs(distance) <= TOUCHING):
+            distance[k], way[k] = self._between_faces(placed, frame[[k, k]], pairs[k])
+        return GeomDistances(frame, distance, pairs, ends.mean(axis=1), way)
+
+    def _between_faces(self, placed: Placed, frame: Ints, pair: Ints) -> tuple[float, Floats]:
+        """Return the largest gap along a face normal of two boxes [m], negative inside, and that normal.
+
+        `mj_geomDistance` is 0 for some boxes whose faces overlap by millimetres.
+        """
+        axes, ends = placed.matrices(frame, pair), placed.origins(frame, pair)
+        normals, way = np.concatenate([axes[0].T, axes[1].T]), ends[1] - ends[0]
+        half = [np.abs(normals @ own) @ self.sizes[box] for own, box in zip(axes, pair, strict=True)]
+        gap = np.abs(normals @ way) - half[0] - half[1]
+        best = int(gap.argmax())
+        return float(gap[best]), normals[best] * np.sign(normals[best] @ way)
+
+    def _corners(self, placed: Placed, frame: Ints, pairs: Ints, turn: Floats, offset: Floats) -> GeomDistances:
+        """Corners of the second box of each pair near the surface of the first."""
+        corner = (_CORNERS * self.sizes[pairs[:, 1], None]) @ turn.mT + offset[:, None]
+        out = np.maximum(np.abs(corner) - self.sizes[pairs[:, 0], None], 0.0)
+        distance = np.sqrt((out * out).sum(axis=2))
+        pair, which = ((distance > TOUCHING) & (distance < self.reach)).nonzero()
+        corner, out, distance, frame = corner[pair, which], out[pair, which], distance[pair, which], frame[pair]
+        slope = out * np.sign(corner) / distance[:, None]
+        axes, origin = placed.matrices(frame, pairs[pair, 0]), placed.origins(frame, pairs[pair, 0])
+        place = origin + _times(axes, corner - 0.5 * distance[:, None] * slope)
+        return GeomDistances(frame, distance, pairs[pair], place, _times(axes, slope))
+
+
+def _times(matrix: Floats, vector: Floats) -> Floats:
+    """(N, 3, 3) · (N, 3)."""
+    return (matrix @ vector[..., None])[..., 0]
+
+
+# Distances between the floor z = 0 and links other than feet.
+#
+# Feet have separate rows. Hands, knees and the back must stay above the floor. A link that lies flat rests on several
+# points, so each geom gives its extreme points straight down and in four directions slightly to the side.
+
+FLOOR = -1
+"""Geom id of the floor."""
+_ASIDE = 0.3
+_BELOW = np.array([[0, 0, -1], [_ASIDE, 0, -1], [-_ASIDE, 0, -1], [0, _ASIDE, -1], [0, -_ASIDE, -1]], dtype=float)
+_BEFORE = np.tri(len(_BELOW), k=-1, dtype=bool)
+_UP = np.array([0.0, 0.0, 1.0])
+_GEOM = mujoco.mjtGeom
+_AROUND = np.arange(64) * np.pi / 32
+"""Angles of points on the rim of a cylinder; the lowest of them is within 0.0012 radii of the lowest point of the rim."""
+
+
+class Floor:
+    """Geoms that must stay above the floor, and the points at which they are near it."""
+
+    reach: float
+    geoms: Ints
+
+    def __init__(self, robot: Robot, model: mujoco.MjModel, feet: frozenset[int], reach: float):
+        """Watch the solid geoms of all links but the `feet` within `reach` [m]."""
+        solid = [g for link, own in solid_geoms(robot).items() if link not in feet for g in own]
+        self.reach, self.geoms = reach, np.array(sorted(solid), dtype=np.int64)
+        reached = np.asarray(model.geom_rbound)[self.geoms]
+        self.reached: Floats = np.where(reached > 0, reached, np.inf)
+        """(G,) largest distances of the geoms' points from their origins [m]; MuJoCo gives 0 for geoms without an end."""
+        self.shapes: list[tuple[Floats, float]] = [_rounded(model, int(geom)) for geom in self.geoms]
+
+    def near(self, placed: Placed) -> list[GeomDistances]:
+        """Return the points of each geom within reach of the floor."""
+        return [self._points(k, frames, placed) for k, frames, _ in self._below(placed, self.reach)]
+
+    def depth(self, placed: Placed) -> Floats:
+        """Return the depths (N,) of the deepest points under the floor [m], 0 if all points are above it."""
+        depth = np.zeros(len(placed))
+        for _, frames, lowest in self._below(placed, 0.0):
+            depth[frames] = np.maximum(depth[frames], -lowest)
+        return depth
+
+    def _below(self, placed: Placed, height: float) -> Iterator[tuple[int, Ints, Floats]]:
+        """Yield which geoms come lower than a height [m], in which configurations, and how low they come.
+
+        Balls about the geoms leave few of them, whose own points decide.
+        """
+        origin = placed.positions.take(self.geoms, axis=1)[:, :, 2]
+        near = np.flatnonzero(origin - self.reached < height)
+        if not near.size:
+            return
+        frames, geoms = np.divmod(near, len(self.geoms))
+        for k in sorted(set(geoms.tolist())):
+            own, (points, radius) = frames[geoms == k], self.shapes[k]
+            up = placed.turns[own, self.geoms[k], 6:]
+            lowest = (up @ points.T).min(axis=1) + origin[own, k] - radius
+            low = np.flatnonzero(lowest < height)
+            if low.size:
+                yield k, own[low], lowest[low]
+
+    def _points(self, k: int, frames: Ints, placed: Placed) -> GeomDistances:
+        """Return the outermost places of a geom in configurations (F,) that are within reach, each once.
+
+        They are outermost straight down and a little aside.
+        """
+        (points, radius), geom = self.shapes[k], self.geoms[k]
+        turn, origin = placed.turns[frames, geom].reshape(-1, 3, 3), placed.positions[frames, geom]
+        outermost = (_BELOW @ turn @ points.T).argmax(axis=2)
+        place = points[outermost] @ turn.mT + (origin - radius * _UP)[:, None]
+        again = ((outermost[:, :, None] == outermost[:, None]) & _BEFORE).any(axis=2)
+        frame, which = (~again & (place[..., 2] < self.reach)).nonzero()
+        place, count = place[frame, which], len(frame)
+        pairs, up = np.array([[FLOOR, geom]]).repeat(count, axis=0), _UP[None].repeat(count, axis=0)
+        return GeomDistances(frames[frame], place[:, 2].copy(), pairs, place, up)
+
+
+def _rounded(model: mujoco.MjModel, geom: int) -> tuple[Floats, float]:
+    """A geom as the hull of balls: their centres (P, 3) in its frame and their radius [m]."""
+    kind, size = int(model.geom_type[geom]), model.geom_size[geom]
+    if kind == _GEOM.mjGEOM_SPHERE:
+        return np.zeros((1, 3)), float(size[0])
+    if kind == _GEOM.mjGEOM_CAPSULE:
+        return np.array([[0.0, 0.0, size[1]], [0.0, 0.0, -size[1]]]), float(size[0])
+    if kind == _GEOM.mjGEOM_CYLINDER:
+        return _rims(size), 0.0
+    points = local_points(model, geom)
+    return points if kind != _GEOM.mjGEOM_MESH else points[_on_hull(model, int(model.geom_dataid[geom]))], 0.0
+
+
+def _on_hull(model: mujoco.MjModel, mesh: int) -> Ints:
+    """Which vertices of a mesh are on its convex hull; MuJoCo found it for those that collide."""
+    start = int(model.mesh_graphadr[mesh])
+    if start < 0:
+        first, number = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+        try:
+            return np.sort(ConvexHull(model.mesh_vert[first : first + number]).vertices).astype(np.int64)
+        except QhullError:  # it is flat
+            return np.arange(number)
+    # A graph begins with how many vertices and faces there are; then come, per vertex, its edges' place and its number.
+    count = int(model.mesh_graph[start])
+    return np.sort(model.mesh_graph[start + 2 + count : start + 2 + 2 * count]).astype(np.int64)
+
+
+def _rims(size: Floats) -> Floats:
+    """Points on both rims of a cylinder of a radius and half a length."""
+    rim = np.stack([size[0] * np.cos(_AROUND), size[0] * np.sin(_AROUND), np.full(len(_AROUND), size[1])], axis=1)
+    return np.concatenate([rim, rim * [1, 1, -1]])

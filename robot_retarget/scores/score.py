@@ -14,7 +14,7 @@ from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import as_motion
 from robot_retarget.robot import Robot
 from robot_retarget.robot.catalog import Retargeted, on_robot
-from robot_retarget.scores import feet, physics, pose
+from robot_retarget.scores import physics, pose
 from robot_retarget.scores.figure import Figure, Measure, Value
 from robot_retarget.scores.pair import body_of, pair_of
 from robot_retarget.scores.subject import Subject, soles_of
@@ -30,22 +30,22 @@ MEASURES: tuple[Measure, ...] = (
     pose.touches,
     pose.kept,
     physics.self_penetration,
-    feet.skate,
-    feet.ground,
+    physics.skate,
+    physics.ground,
     physics.limits,
     physics.speed,
     physics.jerk,
     pose.root_path,
     pose.body_position,
-    feet.penetration,
-    feet.skating,
+    physics.penetration,
+    physics.skating,
     physics.nmr,
     physics.root,
-    feet.flight,
+    physics.flight,
     physics.root_residual,
     physics.torque,
-    feet.zmp,
-    feet.held,
+    physics.zmp,
+    physics.held,
     physics.extent,
     physics.physics_score,
 )

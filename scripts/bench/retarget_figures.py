@@ -7,13 +7,13 @@ import numpy as np
 from robot_retarget.base.arrays import Floats
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot, world_points
-from robot_retarget.scores import feet, physics, pose
+from robot_retarget.scores import physics, pose
 from robot_retarget.scores.pair import Pair
 from robot_retarget.scores.subject import Subject, soles_of
 from robot_retarget.trajectory import Trajectory
 
 MEASURES = (
-    pose.limbs, pose.distances, pose.contacts, physics.self_penetration, feet.skate, feet.ground, physics.jerk,
+    pose.limbs, pose.distances, pose.contacts, physics.self_penetration, physics.skate, physics.ground, physics.jerk,
 )  # fmt: skip
 COLUMNS = {
     "limb_deg": "limb_deg_mean",

@@ -7,7 +7,7 @@
 Policies are any that `simulate --policy` reads; those of the results are `assets/ckpts/twist2_1017_{20k,25k}.onnx` of amazon-far/TWIST2 at
 d5c7108e. Clips are those of `track_clips.csv`, with repository, commit, path and frames; CLONES holds `owner+name` of each repository. Every
 clip is retargeted here with each preset; `--others` adds files of other retargeters, `FOLDER/CLIP.npz` or another known format. Each
-reference is followed in the nominal world and in `--draws` drawn ones (`judge.followed`). Needs onnxruntime.
+reference is followed in the nominal world and in `--draws` drawn ones (`judge.rollout.followed`). Needs onnxruntime.
 """
 
 import argparse
@@ -23,8 +23,8 @@ import numpy as np
 from scipy.stats import spearmanr
 
 import robot_retarget as rr
-from robot_retarget.judge.followed import Followed, followed
 from robot_retarget.judge.policy_files import read_policy
+from robot_retarget.judge.rollout import Followed, followed
 
 CLIPS = Path(__file__).with_name("track_clips.csv")
 PHYSICAL = (

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from robot_retarget.base.files import SAMPLES
-from robot_retarget.graph.causal import CLOSING, SWERVE
 from robot_retarget.graph.describe import CausalTargets, RobotGraph, describe
+from robot_retarget.graph.footholds import CLOSING, SWERVE
 from robot_retarget.graph.track import HARD, Role, columns_of, ordered
 from robot_retarget.human.causal import LEAP, CausalFeatures
 from robot_retarget.human.read import read_motion

@@ -19,7 +19,7 @@ from robot_retarget.base.keypoints import KEYPOINTS, mirrored
 from robot_retarget.human.capture import Capture
 from robot_retarget.human.readers.bvh import read_bvh
 from robot_retarget.human.recognition import Mark, Recognition, apply_override, recognise
-from robot_retarget.human.recognition.joint_names import name_evidence
+from robot_retarget.human.recognition.limbs import name_evidence
 from robot_retarget.human.skeleton import Skeleton
 
 ONE_OF_EACH = (

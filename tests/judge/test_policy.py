@@ -12,7 +12,6 @@ from made_trajectories import hold
 import robot_retarget as rr
 from robot_retarget.base.errors import ServoError, UsageError
 from robot_retarget.judge.build import build_plant
-from robot_retarget.judge.followed import followed, ranked
 from robot_retarget.judge.playback import Playback, plain_goals, roll_out
 from robot_retarget.judge.policy import (
     TERMS,
@@ -23,6 +22,7 @@ from robot_retarget.judge.policy import (
     under_policy,
 )
 from robot_retarget.judge.policy_files import contract_of, from_metadata, from_yaml, read_policy, twist2
+from robot_retarget.judge.rollout import followed, ranked
 from robot_retarget.robot import load_robot
 from robot_retarget.servo.judgement import require_judged
 

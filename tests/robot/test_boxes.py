@@ -8,8 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.distances import Separation
-from robot_retarget.robot.geoms import GeomDistances, Placed, allowed
-from robot_retarget.robot.surfaces import TOUCHING, Boxes
+from robot_retarget.robot.geoms import TOUCHING, Boxes, GeomDistances, Placed, allowed
 
 REACH = 0.05
 EXACT = 2e-6

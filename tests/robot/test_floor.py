@@ -14,10 +14,9 @@ from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.distances import STILL, Separation
-from robot_retarget.robot.geoms import Placed, joined
+from robot_retarget.robot.geoms import FLOOR, Placed, joined
 from robot_retarget.robot.kinematics import integrate
 from robot_retarget.robot.links import Links
-from robot_retarget.robot.surfaces import FLOOR
 from robot_retarget.solver.pipeline import retarget
 
 REACH = 0.05

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from made_trajectories import hold, lifted
 
 import robot_retarget as rr
-from robot_retarget.scores import feet
+from robot_retarget.scores import physics
 from robot_retarget.scores.score import score
 from robot_retarget.scores.subject import Subject
 
@@ -46,7 +46,7 @@ def restated(human: np.ndarray, robot: np.ndarray) -> tuple[float, float]:
 def test_skating_is_that_of_holosoma(seed: int, frames: int) -> None:
     draw = np.random.default_rng(seed)
     human, robot = (np.cumsum(draw.normal(0, 0.008, (frames, 2, 2)), axis=0) for _ in range(2))
-    found = cast(Any, feet.skating.of(subject_of(human, robot)))
+    found = cast(Any, physics.skating.of(subject_of(human, robot)))
     assert found == pytest.approx(restated(human, robot))
 
 

@@ -13,8 +13,8 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.base.arrays import Floats, unit
-from robot_retarget.graph.causal import CausalFootholds
 from robot_retarget.graph.footholds import (
+    CausalFootholds,
     Footholds,
     Surface,
     foothold_corners,

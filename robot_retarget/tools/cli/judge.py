@@ -178,8 +178,8 @@ def _rank(scored: ScoreOptions, robot: "rr.Robot", printing: opt.PrintOptions) -
     """Print trajectories by how a controller follows them."""
     from robot_retarget.base.errors import UsageError
     from robot_retarget.base.files import write_text
-    from robot_retarget.judge.followed import followed, ranked
     from robot_retarget.judge.policy_files import read_policy
+    from robot_retarget.judge.rollout import followed, ranked
 
     assert scored.policy is not None
     policy, where = read_policy(scored.policy), scored.trajectory
