@@ -2,7 +2,6 @@
 
 import contextlib
 import importlib
-import os
 import re
 import runpy
 import shlex
@@ -15,6 +14,7 @@ from typing import Any
 import pytest
 import typer
 import typer.main
+from forked import run
 from shared_files import ROOT
 
 import robot_retarget
@@ -49,10 +49,6 @@ def command_lines(text: str) -> list[list[str]]:
             )
             lines.append(words[start + 1 : stop])
     return lines
-
-
-def environment() -> dict[str, str]:
-    return {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
 
 
 def named(page: Path) -> str:
@@ -104,16 +100,19 @@ def test_every_public_name_has_a_page_and_is_listed_once() -> None:
 
 
 @pytest.mark.parametrize("page", RUN)
-def test_blocks_of_a_page_run_from_top_to_bottom(page: str, tmp_path: Path) -> None:
+def test_blocks_of_a_page_run_from_top_to_bottom(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shutil.copytree(ROOT / "samples", tmp_path / "samples")
+    monkeypatch.chdir(tmp_path)
     for language, text in blocks(DOCS / page, "sh", "python"):
         if language == "python":
-            command = [sys.executable, "-c", text]
-        else:
-            alias = f'robot-retarget() {{ "{sys.executable}" -m robot_retarget "$@"; }}\n'
-            command = ["bash", "-e", "-c", alias + re.sub(r"^robot-retarget view.*$", "", text, flags=re.MULTILINE)]
-        ran = subprocess.run(command, cwd=tmp_path, env=environment(), capture_output=True, text=True, timeout=600)
-        assert ran.returncode == 0, f"{text}\n{ran.stdout}\n{ran.stderr}"
+            exec(compile(text, page, "exec"), {})
+            continue
+        for part in re.split(r"^(robot-retarget .*\n)", text, flags=re.MULTILINE):
+            if not part.startswith("robot-retarget"):
+                subprocess.run(["bash", "-e", "-c", part], check=True, timeout=60)
+            elif not part.startswith("robot-retarget view"):
+                ran = run(*shlex.split(part)[1:], cwd=tmp_path)
+                assert ran.returncode == 0, f"{part}\n{ran.stdout}\n{ran.stderr}"
 
 
 def test_the_table_of_tested_robots_is_the_recorded_one() -> None:

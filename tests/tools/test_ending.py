@@ -8,10 +8,12 @@ import sys
 import time
 from pathlib import Path
 
+import forked
 import pytest
 from shared_files import ROOT
 
 WAVE = ROOT / "samples/wave.bvh"
+SHORT = ("--frames", "0:9", "--balance", "off", "--draws", "0")
 DEFECTIVE = """
 import sys
 from robot_retarget.tools.cli import main
@@ -70,12 +72,7 @@ def test_ctrl_c_says_what_is_kept(tmp_path: Path) -> None:
         WAVE,
         "--robot",
         "op3",
-        "--frames",
-        "0:9",
-        "--legs",
-        "stand",
-        "--draws",
-        "0",
+        *SHORT,
         "--out",
         tmp_path,
         "--video",
@@ -88,8 +85,8 @@ def test_ctrl_c_says_what_is_kept(tmp_path: Path) -> None:
 
 
 def test_a_refusal_leaves_no_folder(tmp_path: Path) -> None:
-    bad = command("run", WAVE, "--robot", "op3", "--legs", "fly", "--out", tmp_path / "new/results")
-    assert subprocess.run(bad, capture_output=True, cwd=ROOT).returncode == 2
+    bad = ("run", WAVE, "--robot", "op3", "--legs", "fly", "--out", tmp_path / "new/results")
+    assert forked.run(*bad).returncode == 2
     assert not list(tmp_path.iterdir())
 
 
@@ -103,12 +100,11 @@ def test_a_killed_run_leaves_the_earlier_results_whole_and_the_next_run_sweeps_i
     earlier = ("trajectory.npz", "report.json", "report.html", "video.mp4", "mine.txt")
     for name in earlier:
         (tmp_path / name).write_text("earlier")
-    short = ("--frames", "0:9", "--legs", "stand", "--draws", "0")
-    words = command("run", WAVE, "--robot", "op3", *short, "--json", "--out", tmp_path)
-    killed = stopped(words, tmp_path, ".unfinished-*/report.json", signal.SIGKILL)
+    words = ("run", WAVE, "--robot", "op3", *SHORT, "--json", "--out", tmp_path)
+    killed = stopped(command(*words), tmp_path, ".unfinished-*/report.json", signal.SIGKILL)
     assert killed.returncode == -signal.SIGKILL
     assert contents(tmp_path) == dict.fromkeys(earlier, b"earlier")
-    done = subprocess.run(words, capture_output=True, cwd=ROOT)
+    done = forked.run(*words)
     assert done.returncode in (0, 1), done.stderr
     found = contents(tmp_path)
     assert set(json.loads(done.stdout)["files"]) == found.keys() - {"mine.txt"}

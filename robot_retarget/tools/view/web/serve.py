@@ -76,6 +76,8 @@ class Served:
 class _Server(ThreadingHTTPServer):
     """A server with few threads."""
 
+    request_queue_size = MOST  # connections that wait: one beyond these is tried again after a second
+
     def __init__(self, address: tuple[str, int], handler: type[BaseHTTPRequestHandler]):
         self._free = BoundedSemaphore(MOST)
         super().__init__(address, handler)
