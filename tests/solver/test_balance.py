@@ -504,10 +504,10 @@ def test_forearms_of_a_walk_pass_knees_at_a_distance_between_frames_too(walk: Re
 
 def test_a_walk_is_walked_on_the_robots_own_feet_without_a_fall() -> None:
     robot = rr.load_robot("op3")
-    result = rr.retarget(rr.read_motion(SAMPLES / "walk.bvh"), robot, legs="follow", balance="static")
+    result = rr.retarget(rr.read_motion(SAMPLES / "walk.bvh").frames(0, 75), robot, legs="follow", balance="static")
     report = rr.simulate(result.trajectory, robot, mode="free", draws=0, playback=Playback(settle_after=2.0))
     assert result.balance is not None and result.balance.slowdown < 4 and not result.balance.timeline.planted.all()
-    assert np.ptp(result.trajectory.qpos[:, 0]) > 0.3
+    assert np.ptp(result.trajectory.qpos[:, 0]) > 0.15
     assert report.figures["fall_s"] is None and report.figures["foot_slip_m"] < 0.01, report.reasons
 
 

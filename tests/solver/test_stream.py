@@ -56,7 +56,7 @@ def within_limits(robot: Robot, qpos: np.ndarray, times: np.ndarray) -> None:
 def test_a_stream_is_as_like_the_human_as_the_whole_clip_within_degrees(robot: Robot, clip: str) -> None:
     from robot_retarget.scores.likeness import likeness_of
 
-    motion = rr.read_motion(SAMPLES / f"{clip}.bvh").resample(30)
+    motion = rr.read_motion(SAMPLES / f"{clip}.bvh").resample(30).frames(0, 100)
     whole = rr.solve(rr.describe(motion, robot, fps=30), balance="off")
     qpos = np.array(list(rr.stream(robot, motion, native=False)))
     graph = whole.solution.graph
@@ -192,9 +192,9 @@ def test_wrong_use_is_told(robot: Robot, walk: Motion, wave: Motion) -> None:
 
 MODELS = {
     "op3": ("squat", "wave", "hips_and_bow"),
-    "booster_t1": ("walk", "squat", "wave", "clap", "hips_and_bow"),
+    "booster_t1": ("walk", "clap", "wave"),
+    "unitree_g1": ("walk", "squat", "hips_and_bow"),
 }
-MODELS["unitree_g1"] = ("walk", "squat", "wave", "hips_and_bow")
 CASES = [
     pytest.param(name, clip, marks=() if name == "op3" else needs_shared)
     for name, clips in MODELS.items()
@@ -211,7 +211,7 @@ def test_half_a_second_on_it_does_not_matter_where_a_stream_began(name: str, cli
     its shoulders by .028 rad in the one frame in which the hands leave the hips.
     """
     robot = rr.load_robot(name if name == "op3" else str(SHARED / f"robots/{name}/{name}.xml"))
-    motion = rr.read_motion(SAMPLES / f"{clip}.bvh").resample(30)
+    motion = rr.read_motion(SAMPLES / f"{clip}.bvh").resample(30).frames(0, 110)
     whole, later = ([p.qpos for p in followed(known(robot, motion), motion, range(t, len(motion)))] for t in (0, 40))
     apart = np.abs(np.array(whole)[55:] - np.array(later)[15:])[:, robot.qpos_index]
     assert apart.max() < (0.03 if (name, clip) in {("unitree_g1", "squat"), ("op3", "hips_and_bow")} else 0.02)

@@ -53,15 +53,15 @@ def page(viewer: Viewer, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return viewer.save(tmp_path_factory.mktemp("viewer") / "viewer.html")
 
 
-@pytest.fixture(scope="module", params=["file", "served"])
-def opened(request: pytest.FixtureRequest, page: Path) -> Iterator[Tab]:
-    """The page as a file, and as the live command serves it."""
+@pytest.fixture(scope="module")
+def opened(viewer: Viewer, page: Path) -> Iterator[Tab]:
+    """The page of the OP3 as the live command serves it, that of the other robot as a file."""
     with tab() as browser:
-        if request.param == "file":
+        if viewer.takes[0].robot.name != "op3":
             browser.open(page.as_uri())
             yield browser
             return
-        served = serve(request.getfixturevalue("viewer"), 0)
+        served = serve(viewer, 0)
         thread = threading.Thread(target=served.forever, daemon=True)
         thread.start()
         browser.open(served.address)

@@ -240,8 +240,7 @@ def serve(
 
         def do_POST(self) -> None:
             what, length = self._what.strip("/"), self.headers.get("Content-Length", "0")
-            kind = self.headers.get("Content-Type", "")
-            own = kind.startswith("application/json")  # no form of another site's page
+            own = self.headers.get("Content-Type", "").startswith("application/json")  # no form of another site's page
             if what not in ACTS or not own:
                 self.send_error(HTTPStatus.NOT_FOUND)
             elif not (length.isascii() and length.isdigit() and int(length) <= LONGEST):
