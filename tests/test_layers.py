@@ -64,8 +64,8 @@ UNITS = sorted({path.relative_to(PACKAGE).parts[0].removesuffix(".py") for path 
 
 def modules(unit: str) -> list[Path]:
     """The files of a folder or of a single module."""
-    folder = PACKAGE / unit
-    return sorted(folder.rglob("*.py")) if folder.is_dir() else [folder.with_suffix(".py")]
+    folder = PACKAGE / unit  # one without modules is what Git leaves of a folder that became a module
+    return sorted(folder.rglob("*.py")) or [folder.with_suffix(".py")]
 
 
 @cache
