@@ -127,7 +127,7 @@ def write_csv(events: Sequence[Event], path: str | Path) -> Path:
 
 
 STEP = 1 / 30
-"""Duration of a step [s]: whole frames, at least one."""
+"""Duration of a step [s]: whole frames, at least one; 1/30 s is a frame of a usual motion file."""
 
 
 class State(IntEnum):

@@ -16,7 +16,7 @@ from robot_retarget.base.arrays import Floats, frozen
 from robot_retarget.base.errors import SceneError, TrajectoryError
 from robot_retarget.base.files import replacing
 from robot_retarget.base.pages import card, data_frame
-from robot_retarget.base.untrusted.arrays import Field, read_fields
+from robot_retarget.base.untrusted.arrays import FARTHEST, RATES, Field, read_fields
 from robot_retarget.scene.scene import FIELDS as SCENE_FIELDS
 from robot_retarget.scene.scene import Scene, arrays_of, scene_from
 
@@ -38,12 +38,8 @@ FIELDS = {
 }
 """Of the trajectory file."""
 KEYS = tuple(name for name, field in FIELDS.items() if field.required)
-SLOWEST, FASTEST = 0.01, 10_000.0
-"""Frame rates outside these bounds are mistakes [1/s]."""
-FARTHEST = 10_000.0
-"""A root farther from the origin is a mistake [m]."""
 FREE_ROOT = 7
-"""Coordinates of a free joint: xyz and a quaternion."""
+"""Coordinates of a free joint, as in MuJoCo: xyz and a quaternion."""
 LARGEST_FIGURE = 1e9
 """A larger figure of likeness is a mistake."""
 UNIT = 0.01
@@ -82,8 +78,8 @@ class Trajectory:
         object.__setattr__(self, "qpos", frozen(self.qpos))
         object.__setattr__(self, "fps", float(self.fps))
         object.__setattr__(self, "joint_names", tuple(map(str, self.joint_names)))
-        if not SLOWEST <= self.fps <= FASTEST:
-            raise TrajectoryError(f"fps must be in {SLOWEST:g} … {FASTEST:g}, got {self.fps:g}")
+        if not RATES[0] <= self.fps <= RATES[1]:
+            raise TrajectoryError(f"fps must be in {RATES[0]:g} … {RATES[1]:g}, got {self.fps:g}")
         self._require_configurations()
         given = np.asarray(self.source_time)
         object.__setattr__(self, "source_time", frozen(given if given.size else np.arange(len(self)) / self.fps))

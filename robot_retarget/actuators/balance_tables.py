@@ -59,7 +59,7 @@ def require_bounds(thing: Any, prefix: str = "") -> None:
 
 
 STANDARD_GRAVITY = 9.80665
-"""[m/s²]."""
+"""[m/s²], by definition."""
 KINDS = ("opencr", "lines")
 """Connections of a sensor: over the servos' bus with OpenCR's protocol, or as lines of text on a separate port."""
 

@@ -13,7 +13,7 @@ from robot_retarget.base.errors import TrajectoryError
 from robot_retarget.base.untrusted.arrays import Field
 
 RATE = 125.0
-"""Default rate of goals [1/s]."""
+"""Default rate of goals [1/s]: the cycle of 8 ms of the OP3's own framework."""
 TRACKING_RMS = 0.2
 """Largest tracking error (rms) of the worst joint of a motion that passes, simulated or played [rad]: 11°, the error of a
 servo with 50 ms lag at 4 rad/s."""
@@ -31,7 +31,7 @@ FILE_FIELDS = FIELDS | FEEDBACK_FIELDS
 LARGEST_ANGLE = 100.0
 """An angle of a joint beyond it, sixteen turns, is a mistake [rad]."""
 BOUNDS = {"rate": (1.0, 1000.0), "lead_in": (0.0, 60.0), "lead_out": (0.0, 60.0)}
-"""Of rate [1/s] and settling times [s]."""
+"""Accepted rates [1/s] and settling times [s]; others are mistakes."""
 
 
 @dataclass(frozen=True, eq=False)

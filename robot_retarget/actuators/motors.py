@@ -12,7 +12,9 @@ from robot_retarget.actuators.balance_tables import STANDARD_GRAVITY
 from robot_retarget.base.errors import ServoError, known
 
 TICKS_PER_TURN = 4096
-"""Of the encoder."""
+"""Of the encoder, as the manual states."""
+SUPPLY_RESISTANCE = 0.1
+"""Of battery and leads [Ω]: three cells of 10 mΩ and 2 m of cable of 0.5 mm²."""
 FULL_PWM = 885
 """Of the register `goal_pwm`: full duty."""
 CONTINUOUS_SHARE = 0.2
@@ -35,7 +37,7 @@ class MotorModel:
     no_load_speed: float
     """[rad/s]."""
     voltage: float = 12.0
-    """At which the three above hold [V]."""
+    """At which the data sheet states the three above [V]."""
     p_gain: int = 800
     """Register `position_p_gain`: duty = P / p_divisor / 885 for a tick of error."""
     d_gain: int = 0

@@ -101,6 +101,10 @@ def install_line(extra: str) -> str:
     return shlex.join([sys.executable, "-m", "pip", "install", *wanted])
 
 
+LISTED = 3
+"""Entries of a message that are listed one by one, so that it stays a line; further ones are counted."""
+
+
 def known(names: Iterable[str], limit: int = 24, typed: object = "") -> str:
     """List the alternatives, as the tail of a message: `did you mean 'b'? known: a, b, c`.
 

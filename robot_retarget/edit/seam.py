@@ -10,6 +10,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.constants import g
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import JERK_PEAK, Bools, Floats, Ints
@@ -17,11 +18,12 @@ from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.contact.rule import SOLES, on_surface
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.recognition.recognise import leg_length
+from robot_retarget.solver.balance.playback import Pacing
 
 SLIP = 0.04
 """A foot may be this far from its place at a seam without a step [leg lengths]: a centimetre on a leg of 25 cm."""
-GRIP = 3.4
-"""Largest horizontal acceleration of the body [m/s²]: a friction coefficient of 0.35, as in balanced playback."""
+GRIP = Pacing.friction * g
+"""Largest horizontal acceleration of the body [m/s²]: that of the friction of balanced playback."""
 NEAR = 1.0
 """Better frames are sought this far from the requested ones [s]."""
 NAMES = {"l": "left", "r": "right"}

@@ -41,7 +41,7 @@ MISSED = 1.0
 AT_LIMIT = 0.02
 """A joint is at its limit when it is this near to it [rad]."""
 FIXED = 2
-"""Frames at the beginning of a window that stay: they keep position and velocity continuous."""
+"""Frames at the beginning of a window that stay: 2 hold position and velocity."""
 
 EDITED = Smoothing(passes=8, closing=1.7)
 """A touch-up is drawn to its smooth path less than a clip: the edges that were met before stay met."""

@@ -7,6 +7,7 @@ import numpy as np
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.base.untrusted.arrays import save_npz, shaped
+from robot_retarget.base.untrusted.rotations import UNIT
 from robot_retarget.formats.bodies import body_tracks, central, turning, velocities
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.robot_motion import RobotMotion
@@ -26,8 +27,6 @@ from robot_retarget.formats.tracking import KEYS
 NAMED = {"qpos", "fps", "human_joints", "cost", "joint_names"}
 OBJECT = 7
 """Columns of an object's pose behind the joints."""
-UNIT = 1e-3
-"""Largest deviation of a norm from one in single precision and through averages of frames."""
 
 
 def write_omniretarget(motion: RobotMotion, path: Path) -> None:

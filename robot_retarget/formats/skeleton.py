@@ -15,13 +15,13 @@ from robot_retarget.formats.bodies import body_names, robot_bodies
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import TrajectorySource, declared
+from robot_retarget.formats.tables import CENTIMETRES
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.readers.bvh import read_bvh, write_bvh
 from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.robot.model import Robot
 
-CENTIMETRES = 100.0
 UPRIGHT = Rotation.from_matrix([[0, 0, 1], [1, 0, 0], [0, 1, 0]])
 """y up to z up: x = z', y = x', z = y'."""
 

@@ -195,7 +195,8 @@ class Kind:
     raises_root: bool = False
     """Whether raising the root restores a symbolic inequality: a height over the floor."""
     most: int = 24
-    """Largest number of rows of a numeric inequality in the solver; those with the least room are kept."""
+    """Largest number of rows of a numeric inequality in the solver [-]; those with the least room are kept. At `compiled.FEW`
+    or fewer one program solves the frame."""
 
     def targets(self, context: RetargetContext) -> Track | None:
         """Return ends, intervals and priorities over time; None for bodies without edges of the kind.

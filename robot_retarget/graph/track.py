@@ -119,7 +119,8 @@ if TYPE_CHECKING:
     from robot_retarget.graph.kind import Kind
 
 HARD = 1e4
-"""π of a hard edge, over the squared length of a leg: it gives way by a tenth of a millimetre [-]."""
+"""π of a hard edge, over the squared length of a leg [-]: against a cost of 1 with a slope of 1 per leg, it gives way by 5e-5
+of a leg."""
 
 
 @dataclass(frozen=True, eq=False)

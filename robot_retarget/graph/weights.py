@@ -24,7 +24,7 @@ NECK = 0.24
 RAMP = 0.1
 """Touches and footholds gain and lose their priority within this time [s]."""
 REFERENCE_FPS = 30.0
-"""Frame rate at which `Weights.smooth` is given, a common rate of reference motions [1/s]."""
+"""Frame rate at which `Weights.smooth` is given [1/s]: 30 frames a second, of most motion files."""
 
 
 @dataclass(frozen=True)

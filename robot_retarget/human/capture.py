@@ -12,14 +12,13 @@ from robot_retarget.base.errors import MatchError, MotionError, UsageError, know
 from robot_retarget.base.keypoints import SIDES
 from robot_retarget.base.untrusted.arrays import RATES, shape_of
 from robot_retarget.base.untrusted.limits import zip_names
+from robot_retarget.base.untrusted.rotations import UNIT
 from robot_retarget.human.recognition.limbs import LIMBS
 from robot_retarget.human.recognition.recognise import recognise
 from robot_retarget.human.skeleton import Skeleton
 
 FARTHEST = 1e7
 """A joint farther from the origin is a mistake [file units]: 10 km in millimetres."""
-UNIT = 1e-3
-"""Largest deviation of a quaternion's norm from one, behind the readers [-]: that of single precision is 1e-7."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +71,7 @@ class Capture:
 # Options of a caller for the reading of a motion file.
 
 USUAL_FPS = 30.0
-"""Default for files without a frame rate, of formats without a usual one [1/s]."""
+"""Default for files without a frame rate, of formats without a usual one [1/s]: 30 of most cameras."""
 
 
 @dataclass(frozen=True)

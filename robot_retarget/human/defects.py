@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from scipy.special import gammaincinv
 
 from robot_retarget.base.arrays import Floats, unit
+from robot_retarget.base.errors import LISTED
 from robot_retarget.base.keypoints import ARM, LEG, SIDES
 from robot_retarget.human.capture import Capture
 from robot_retarget.human.recognition.recognise import Recognition
@@ -102,7 +103,8 @@ class JumpRule:
     limb_acceleration: float = 200.0
     """... and [1/s²]: 17 g, more than the fist of a boxer."""
     lowest_rate: float = 10.0
-    """Least frame rate at which jumps are searched [1/s]."""
+    """Least frame rate at which jumps are searched [1/s]: at 10 a second the body may move by 0.7 of a leg from frame to
+    frame."""
 
     def body_threshold(self, fps: float) -> float:
         """Return the largest step of the body as a whole [leg lengths]."""
@@ -219,9 +221,6 @@ def is_smoother(before: Floats, after: Floats) -> bool:
 
 
 # Sentences about findings: kind, time and outcome, the worst first.
-
-LISTED = 3
-"""Defects of a kind that are listed one by one; further ones are counted."""
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ from robot_retarget.human.touches import Surroundings, surroundings_of
 FALL = 0.4
 """Flights of five captures have the acceleration g within 0.22 of it; the pelvis is not the centre of mass [-]."""
 FEWEST = 2
-"""Frames of the shortest flight."""
+"""Frames of the shortest flight: 2, whose mean acceleration needs a frame to either side."""
 
 # Activity of the feet: in place, stepping, flight, or supported by an object that the robot does not have.
 

@@ -11,7 +11,7 @@ from robot_retarget.human.motion import Motion
 from robot_retarget.human.skeleton import backward, forward
 
 RATES = (1.0, 1000.0)
-"""Frames per second that make sense [1/s]."""
+"""Accepted frames per second [1/s]; others are mistakes."""
 
 
 def resample(motion: Motion, fps: float) -> Motion:

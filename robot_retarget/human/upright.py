@@ -9,6 +9,7 @@ from robot_retarget.base.arrays import Floats, unit
 from robot_retarget.base.errors import MatchError, MotionError, UsageError, known
 from robot_retarget.base.keypoints import ARM, SIDES
 from robot_retarget.base.keypoints import LEG as LEG_PARTS
+from robot_retarget.base.untrusted.arrays import FARTHEST
 from robot_retarget.human.capture import Capture, Request, one_performer
 from robot_retarget.human.defects import excess, span
 from robot_retarget.human.motion import Motion
@@ -108,8 +109,6 @@ UNITS = {
 """Metres in each unit that exporters use. The CMU library divides inches by 0.45."""
 STATURES = (1.2, 2.1)
 """Of a body that a unit of the table is believed for [m]."""
-FARTHEST = 10_000.0
-"""A joint farther from the origin is a mistake [m]; a walk outdoors is shorter."""
 TALLEST = 8.0
 """A body whose stature is more leg lengths is none [-]; adults have 2, cartoon figures 4."""
 

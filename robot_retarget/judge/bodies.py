@@ -24,7 +24,7 @@ SOLID = 1 << 29
 STIFF = 0.01
 """Time constant of a free body's contacts [s]."""
 TURNING = 4
-"""Dimensions of contacts of free bodies: with friction against turning about the normal, as of a palm."""
+"""Dimensions of contacts of free bodies (MuJoCo's `condim`): with friction against turning about the normal, as of a palm."""
 
 
 @dataclass(frozen=True, eq=False)

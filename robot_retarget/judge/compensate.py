@@ -23,7 +23,7 @@ from robot_retarget.judge.bodies import SimulatedBodies
 from robot_retarget.judge.plant import Mode, Plant, limb_inertia
 from robot_retarget.judge.playback import Playback, settled
 from robot_retarget.robot.coupling import Coupling
-from robot_retarget.robot.dynamics import ground_push
+from robot_retarget.robot.dynamics import EVENNESS, ground_push
 from robot_retarget.robot.model import FREE
 from robot_retarget.robot.support import feet_of
 from robot_retarget.trajectory import Trajectory
@@ -111,8 +111,6 @@ SLIDING = 0.02
 """A contact whose surfaces slide faster in the plan holds nothing: a hand on its way to its place [m/s]."""
 PRESSED = 0.05
 """β, weight of the squeeze against the residual wrench of a body [-]."""
-EVENNESS = 1e-3
-"""ε, weight of contact forces [N] against the residual wrench of a body [N, N m]."""
 RISE = 0.06
 """Standard deviation of the time in which forces rise and fall [s]."""
 

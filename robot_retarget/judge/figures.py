@@ -13,12 +13,11 @@ from robot_retarget.robot.contacts import Contacts, reference_overlaps, replay_c
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.support import feet_of, with_toes
 from robot_retarget.robot.timing import joint_velocities, range_excess, resample
+from robot_retarget.scores.likeness import AT_LIMIT
 from robot_retarget.trajectory import Trajectory
 
 # Load of the servos: torque, speed, current, heat, energy.
 
-SATURATED = 0.99
-"""A servo is at its torque limit from this share of it on."""
 Columns = dict[str, tuple[Floats, int]]
 """By figure: a value for each driven joint, and the digits it is worth."""
 
@@ -52,7 +51,7 @@ def _mechanical(
     force: Floats, torque: Floats, speed: Floats, bound: Floats, top: Floats, names: list[str], dt: float
 ) -> tuple[dict[str, Any], Columns]:
     """Of actuator forces and shaft torques (N, m) [N m] at speeds (N, m) [rad/s], dt [s] apart."""
-    full = (np.abs(force) >= SATURATED * bound).mean(0)
+    full = (np.abs(force) >= AT_LIMIT * bound).mean(0)
     figures = {
         "saturated_share": round(float(full.max()), 4),
         "saturated_joint": names[full.argmax()] if full.any() else None,
@@ -90,7 +89,7 @@ def _electrical(
 
 
 BETWEEN = 125.0
-"""Sampling rate of the path between frames [1/s]."""
+"""Sampling rate of the path between frames [1/s]: that of goals."""
 SUNK = 0.5
 """A root at less than this share of its planned height is down."""
 MOVING = 0.05

@@ -210,7 +210,7 @@ HOLOSOMA: dict[str, tuple[dict[str, float], float, float]] = {
 """By one of a robot's joints: its standing pose [rad], and the scales of gyroscope and speeds. From the configuration of holosoma at
 fc600e7d: the metadata have joints and gains only, and the observation is in alphabetical order of its names."""
 TWIST2_SIZES = 1432, 29
-"""Numbers of a tracker's observation and action."""
+"""Numbers of a tracker's observation and action, of the format of TWIST2."""
 TWIST2: tuple[dict[str, tuple[float, float, float]], ...] = (
     {
         "hip_pitch": (-0.2, 100, 2), "hip_roll": (0, 100, 2), "hip_yaw": (0, 100, 2), "knee": (0.4, 150, 4),
@@ -222,4 +222,5 @@ TWIST2: tuple[dict[str, tuple[float, float, float]], ...] = (
     },
     {"waist_yaw": (0, 150, 4), "waist_roll": (0, 150, 4), "waist_pitch": (0, 150, 4)},
 )  # fmt: skip
-"""Angle [rad], stiffness [N m/rad] and damping [N m s/rad] of the joints of a leg, of an arm and of the waist."""
+"""Angle [rad], stiffness [N m/rad] and damping [N m s/rad] of the joints of a leg, of an arm and of the waist, from TWIST2's
+library."""

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from robot_retarget.actuators.goals import TRACKING_RMS
-from robot_retarget.base.errors import UsageError, known
+from robot_retarget.base.errors import LISTED, UsageError, known
 from robot_retarget.base.untrusted.documents import read_toml
 from robot_retarget.judge.bodies import dropped
 from robot_retarget.judge.stance import missed_steps
@@ -113,10 +113,6 @@ def read_thresholds(path: str | Path) -> Thresholds:
         return Thresholds(**table)
     except UsageError as error:
         raise UsageError(f"{path}: {error}") from None
-
-
-NAMED_PAIRS = 3
-"""The number of overlapping pairs that are listed one by one."""
 
 
 TEXTS = {
@@ -271,9 +267,9 @@ def _overlaps(pairs: list[dict[str, Any]], penetration: float, what: str) -> lis
     sentences = [
         f"{' and '.join(line['bodies'])} {what} by up to {1000 * line['depth_m']:.1f} mm, "
         f"touching in {line['frames']} frames"
-        for line in deep[:NAMED_PAIRS]
+        for line in deep[:LISTED]
     ]
-    return [*sentences, f"{len(deep) - NAMED_PAIRS} more pairs {what}"] if len(deep) > NAMED_PAIRS else sentences
+    return [*sentences, f"{len(deep) - LISTED} more pairs {what}"] if len(deep) > LISTED else sentences
 
 
 def _feedback(figures: Mapping[str, Any]) -> list[tuple[str, str]]:

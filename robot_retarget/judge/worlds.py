@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from robot_retarget.actuators.goals import Goals
-from robot_retarget.actuators.motors import PUBLISHED
+from robot_retarget.actuators.motors import PUBLISHED, SUPPLY_RESISTANCE
 from robot_retarget.base.arrays import Floats
 from robot_retarget.judge.figures import at_frames, fall_figures
 from robot_retarget.judge.plant import HARD, Mode, Plant, Supply, soles_and_floor
@@ -22,8 +22,6 @@ WORLDS = 10
 """Drawn simulations of a motion that stands free, by default."""
 BACKLASH = np.radians(0.25)
 """Of servos in drawn simulations, either way [rad], times a factor: .1–.4°; the data sheets of the XM430 and XL430 state 0.25°."""
-RESISTANCE = 0.1
-"""Of battery and leads [Ω]: three cells of 10 mΩ and 2 m of cable of 0.5 mm²."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +98,7 @@ def drawn(plant: Plant, draw: Draw, playback: Playback) -> tuple[Plant, Playback
     delay = playback.delay if draw.delay is None else draw.delay
     supply = None
     if plant.drives is not None and draw.voltage is not None:
-        supply = Supply(draw.voltage * plant.drives.voltage, RESISTANCE)
+        supply = Supply(draw.voltage * plant.drives.voltage, SUPPLY_RESISTANCE)
     return replace(plant, model=model, supply=supply), replace(playback, delay=delay, seed=draw.seed)
 
 

@@ -11,6 +11,8 @@ from math import isfinite
 import numpy as np
 
 from robot_retarget.base.arrays import Floats, frozen
+from robot_retarget.base.untrusted.arrays import FARTHEST
+from robot_retarget.base.untrusted.rotations import LENGTHS
 from robot_retarget.human.skeleton import Skeleton
 
 AGAIN = 2.0
@@ -66,12 +68,6 @@ class FaultCounter:
     def refused(self, error: RefusedError) -> None:
         """Count a refusal."""
         self.note(error.kind, error.detail)
-
-
-FARTHEST = 1000.0
-"""Largest distance of a joint from the origin [m]: a room is smaller."""
-LENGTHS = (1e-3, 1e3)
-"""A quaternion of another length is no rotation [-]."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,8 +15,9 @@ from robot_retarget.base.arrays import Floats, Ints
 from robot_retarget.robot import Robot
 from robot_retarget.robot.distances import Separation
 from robot_retarget.robot.kinematics import carrying
+from robot_retarget.solver.options import SolveOptions
 
-OVERLAP = 5e-4
+OVERLAP = SolveOptions.overlap
 """Largest overlap of two links that is accepted [m]: that of the solver, whose poses pass unchanged."""
 LEAST = 0.5**3
 """A share that is halved below it becomes 0 [-]."""

@@ -9,14 +9,13 @@ import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats
 from robot_retarget.base.errors import UsageError
-from robot_retarget.human.readers.headset import JOINTS, HeldBody
+from robot_retarget.human.readers.headset import JOINTS, NANO, HeldBody
 from robot_retarget.live.frame import Fault, FaultCounter, Frame, RefusedError, SenderClock
 
 POLL = 1e-3
 """Pause between two questions [s]; a frame is this much later at most."""
 INTERVAL = 1 / 90
 """Between two updates of an OpenXR session [s], the interval of the fastest body trackers."""
-NANO = 1e-9
 
 
 class TrackedBody(NamedTuple):

@@ -12,7 +12,7 @@ import numpy as np
 
 from robot_retarget.base.errors import MotionError, UsageError
 from robot_retarget.base.files import replacing
-from robot_retarget.base.untrusted.arrays import Field, read_fields
+from robot_retarget.base.untrusted.arrays import FARTHEST, Field, read_fields
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import read_motion
 from robot_retarget.human.skeleton import Skeleton
@@ -75,8 +75,6 @@ class Replay:
         """Do nothing: no port is held."""
 
 
-FARTHEST = 1000.0
-"""A joint farther from the origin is a mistake [m]."""
 FIELDS = {
     "names": Field("text", ("J",)),
     "parents": Field("integer", ("J",), bounds=(-1, np.inf)),

@@ -24,7 +24,7 @@ BUNDLE = b"#bundle\0"
 HEAD = 16
 """Bytes of a bundle before its first element: name and time tag."""
 DEEPEST = 4
-"""Largest depth of nested bundles."""
+"""Largest depth of nested bundles; deeper ones are refused."""
 NUMBERS = {"f": "f", "i": "i"}
 """Type tags of numbers of four bytes, as the `struct` module has them."""
 
@@ -98,7 +98,7 @@ def _text(element: bytes, at: int) -> tuple[str, int]:
 
 
 PORT = 39539
-"""Default UDP port of performers."""
+"""Default UDP port of performers, of the protocol."""
 ROOT, BONE, OK, TIME = "/VMC/Ext/Root/Pos", "/VMC/Ext/Bone/Pos", "/VMC/Ext/OK", "/VMC/Ext/T"
 ADDRESSES = {address.encode() for address in (ROOT, BONE, OK, TIME)}
 PAUSE = 0.004
@@ -106,7 +106,7 @@ PAUSE = 0.004
 LEARNING = 0.1
 """Weight of a new pause in the mean pause before a bone."""
 LONGEST = 2.0
-"""Longest bone [m]."""
+"""A longer bone is a mistake [m]."""
 NO_BONE = 1e-3
 """A shorter bone, other than the hips, has no length sent [m]."""
 TRACKING = 3

@@ -19,7 +19,7 @@ from robot_retarget.robot.model import FREE, HINGE, Robot
 MANY = 24
 """Number of configurations from which arrays move them faster than calls of MuJoCo do."""
 BLOCK = 1024
-"""Frames whose bodies are placed at once: memory for all bodies of a long clip is not needed."""
+"""Frames whose bodies are placed at once: 2.3 MB of places and quaternions for 40 bodies."""
 
 
 @dataclass(frozen=True)

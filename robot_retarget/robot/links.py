@@ -15,7 +15,8 @@ from robot_retarget.base.arrays import ALIGNED, Floats, Ints, path_to_root
 from robot_retarget.robot.model import Robot
 
 RANK = 1e-6
-"""Singular values below this share of the largest are zero: of lines and constraints that meet but for rounded models [-]."""
+"""Singular values below this share of the largest are zero [-]: of lines and constraints that meet but for the rounding of
+model files."""
 STUB = 0.16
 """Share of a link's reach below which its solid geoms are a ball about its joint [-]: .10 on TienKung 2 lite's forearms; .27 and
 more on the ends of 25 other robots."""

@@ -107,7 +107,7 @@ def _travel(x: Floats, match: Match, steps: int) -> Travel:
 FAR = np.radians(25.0)
 """A frame is far from the human's pose if its bones are off by more on average [rad]."""
 AT_LIMIT = 0.99
-"""A joint is at its speed limit from this share of it on [-]."""
+"""A joint is at its limit of speed or torque from this share of it on [-]: the solver keeps limits to 1e-4."""
 LASTING = 0.9
 """Quantile of the heading error that is judged: a turn counts if it lasts for a tenth of the time."""
 

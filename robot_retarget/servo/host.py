@@ -92,7 +92,7 @@ class Interrupts:
 # System settings for even ticks. Settings that the system refuses are skipped.
 
 PRIORITY = 10
-"""Among real-time processes, where the system grants one."""
+"""Among real-time processes of Linux (1 … 99), where the system grants one."""
 TIMER_SLACK = 29
 """Linux: `prctl(PR_SET_TIMERSLACK, …)`."""
 LOCK_CURRENT, LOCK_ON_FAULT = 1, 4

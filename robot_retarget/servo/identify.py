@@ -19,13 +19,12 @@ from robot_retarget.actuators.map import Identified, Servo, ServoMap, Stop
 from robot_retarget.actuators.motors import Pendulum, next_speed
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import ServoError
+from robot_retarget.servo.emulator.world import STEP
 from robot_retarget.servo.link import JointScale
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions
 from robot_retarget.servo.plan import ServoPlan
 from robot_retarget.servo.play import play
 
-STEP = 0.002
-"""Of the simulated pendulum [s]."""
 SPAN = 6.0
 """Duration of each of the four trajectories [s]."""
 SWING = 0.8

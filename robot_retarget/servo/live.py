@@ -21,7 +21,7 @@ from robot_retarget.servo.plan import approach_time
 SILENCE = 0.5
 """Silence after which the next target is approached again [s]; the goal rests meanwhile."""
 LONGEST = 0.1
-"""Longest time over which two targets are interpolated [s]."""
+"""Longest time over which two targets are interpolated [s]: that of the servos' watchdog, 0.1 s."""
 LOGGED = 60.0
 """Duration of the log, at the end of the stream [s]."""
 

@@ -20,7 +20,7 @@ from robot_retarget.scene.geoms import add_floor
 # MuJoCo's viewer of the digital twin, on a display.
 
 PERIOD = 1 / 60
-"""Of the twin's time between two pictures [s]."""
+"""Of the twin's time between two pictures [s]: 1/60, that of a screen."""
 CLOSING = 2.0
 """Timeout for closing a window [s]."""
 

@@ -134,13 +134,13 @@ class RealTime:
     """After a longer time without a frame [s] ..."""
     ease: float = 0.5
     """... the joints regain their full speed within this time [s]."""
-    start: int = 32
-    """Steps at most to the first pose, from the standing one."""
+    start: int = 2 * SolveOptions.iterations
+    """Steps at most to the first pose, from the standing one, which is no neighbour."""
     home_rate: float = 30.0
     """Steps per second that another pose takes from the standing one on [1/s] ..."""
-    home_steps: int = 16
+    home_steps: int = SolveOptions.iterations
     """... and number of these steps before the two are compared."""
-    same: float = 1.0
+    same: float = Search.apart
     """Poses with all hinges nearer than this are in one basin: one lags behind the other [rad]."""
     worth: float = 0.8
     """The robot moves to the second pose if it costs less than this share [-] ..."""

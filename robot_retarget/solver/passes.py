@@ -23,9 +23,6 @@ another."""
 LOOSE = 5e-4
 """A hard edge that misses its interval by more is solved again [m]."""
 
-FALLS = 0.9
-"""A miss of a hard edge falls if it is at most this share of the one before [-]."""
-
 
 @dataclass(frozen=True, eq=False)
 class ClipProblem:
@@ -226,7 +223,7 @@ def _hard_edges_met(clip: ClipProblem, poses: list[FrameSolution], proximal: Pro
     before = np.full(len(poses), np.inf)
     for _ in range(ROUNDS):
         missed = clip.solver.problem.missed(_qpos(poses), clip.all_targets)
-        falls = missed < FALLS * before
+        falls = missed < before
         near = falls | np.append(falls[1:], False) | np.append(False, falls[:-1])
         missing = np.flatnonzero((missed > LOOSE) & near)
         missing, before = missing[missing >= clip.fixed], missed

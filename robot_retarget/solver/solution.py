@@ -11,13 +11,11 @@ from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.graph import EdgeError
 from robot_retarget.graph.track import HARD, Status, Track
 from robot_retarget.robot.kinematics import integrate
+from robot_retarget.scores.physics import JUMP
 from robot_retarget.solver.limits import JointBounds, Targets, targets_of
 from robot_retarget.solver.problem import Problem
 from robot_retarget.solver.sqp import FrameSolver
 from robot_retarget.trajectory import Trajectory
-
-JUMP = 15.0
-"""A faster hinge is reported: 0.5 rad between frames at 30 frames a second [rad/s]; servos reach up to 10."""
 
 
 @dataclass(frozen=True)

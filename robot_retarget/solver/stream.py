@@ -13,6 +13,7 @@ import numpy as np
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import UsageError
+from robot_retarget.base.untrusted.arrays import FARTHEST
 from robot_retarget.graph.describe import CausalTargets, RobotGraph, among, describe
 from robot_retarget.graph.footholds import placed_feet
 from robot_retarget.graph.kind import Kind
@@ -20,6 +21,7 @@ from robot_retarget.graph.kinds import stream_kinds
 from robot_retarget.graph.placed_scene import RootScaling, root_scaling_of
 from robot_retarget.graph.track import Status
 from robot_retarget.graph.weights import Weights
+from robot_retarget.human.capture import USUAL_FPS
 from robot_retarget.human.causal import CausalFeatures, CausalSurroundings
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.motion import Motion
@@ -39,7 +41,7 @@ from robot_retarget.solver.realtime import FixedLag, RealTimeSolver, SolvedFrame
 from robot_retarget.solver.sqp import FrameSolver
 from robot_retarget.solver.starts import root_placer
 
-FIRST = 1 / 30
+FIRST = 1 / USUAL_FPS
 """Assumed duration of the first frame [s]."""
 
 
@@ -164,9 +166,6 @@ LEAST = 12
 """Smallest number of frames for which a performer is observed."""
 ANOTHER_RATE = 1.5
 """Ratio of rates from which on a stream with a lag is worse: by 2° of limb direction at 2 (120 and 30 per second after 60)."""
-FARTHEST = 1000.0
-"""A joint farther away is an invalid position [m]."""
-
 SHORTEST = 1e-6
 """A quaternion whose largest component is smaller is no rotation [-]."""
 

@@ -1,119 +1,127 @@
-"""Count tuning values of the core: `python scripts/tools/count_tuning.py [FOLDER …]` prints a Markdown table.
+"""Count the package's numbers by their origin: `python scripts/tools/count_tuning.py [--list] [FOLDER …]`.
 
-Three kinds count: module constants (a number, a tuple of numbers, or each value of a dictionary), numeric defaults of the
-fields of classes, and floats in function bodies. These do not count, because another value would be wrong and not worse:
+A number is a module constant, or the default of a class's field, other than 0, 1 and −1. The docstring below it decides; one
+that ends in "..." goes on in the next.
 
-- numbers of `ARITHMETIC`, which belong to formulas;
-- numbers up to `ROUNDING`, which guard divisions and compare what is equal;
-- the field default 0, which stands for nothing;
-- constants and fields whose docstring cites a source, such as [Winter2009];
-- `READERS`, `FIGURES` and `FACTS`: numbers of file formats, of the scenes in the papers' figures, of frames and versions.
-
-Integers in function bodies do not count either: most are indices, powers and strides. Weights belong into constants.
+- fact: of a format, a protocol, a register, a picture or a paper (`FACTS`, `FACT`), a member of an enumeration, or a rounding error.
+- bound: what lies beyond is refused, or named as a mistake.
+- derived: an expression of other names.
+- sourced: the docstring cites a publication, a data sheet, a library or a measurement (`SOURCE`), or compares with another figure.
+- without: the rest. `--list` prints them. With --check the exit code is 1 where there are more than `MOST`.
 """
 
-import argparse
 import ast
 import re
+import sys
 from collections import Counter
+from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
-from typing import TypeGuard
 
 PACKAGE = Path(__file__).resolve().parents[2] / "robot_retarget"
-CORE = ("motion", "human", "robot", "graph", "solve", "collision", "balance")
-READERS = "formats"
-"""Folders that hold the numbers of file formats, which are facts; their lines do not count either."""
-FIGURES = {"scenes.py", "body.py", "instances.py"}
-"""Modules that hold the numbers of the papers' figures."""
-FACTS = {"role.py", "versions.py"}
-"""Modules that hold the frames that an edge joins, and versions of other packages."""
-ARITHMETIC = {0, 1, 2, 3, 0.5, 4, 6, 12, 90, 180, 270, 360}
-"""Numbers of formulas: dimensions, halves, degrees, twelve coordinates of two by six."""
-ROUNDING = 1e-9
-"""Numbers up to this separate zero from rounding errors."""
-CITATION = re.compile(r"\[[A-Z][A-Za-z]+\d{4}\]")
+MOST = 500
+"""Numbers without a source; a change that adds one removes or explains another, and one that explains more lowers this number."""
+FACTS = ("papers/", "formats/", "tools/", "servo/protocol.py", "servo/emulator/registers.py", "base/untrusted/")
+"""Folders and modules that hold facts alone: papers, file formats, pictures and pages, registers, limits of files."""
+FACT = re.compile(
+    r"[Bb]ytes|\[B\]|[Aa]ddress|[Bb]its? |[Cc]olumns|Colour|[Ii]ndex|[Rr]egister|[Ff]ormat|[Pp]rotocol|Linux|unit|units|"
+    r"Largest slope|[Kk]eypoint|[Rr]ounding|Contact type|frame and|One frame|definition|data set"
+)
+BOUND = re.compile(r"mistake|refuse|is no |are no |is none|noise|damage|progress counts|listed|hangs|killed|believed")
+SOURCE = re.compile(
+    r"\[[A-Z][A-Za-z]+\d{4}\]|measured|median|[Dd]ata ?sheet|manual|MuJoCo|librar|[Aa]s (?:in |for |of )?`|[Dd]oubled|[Hh]al(?:f|ved)"
+)
+FIGURE = re.compile(r"(?<![A-Za-z_\d])\d")
+"""Another figure, outside brackets."""
 
 
-def numbers(node: ast.expr | None) -> int:
-    """Return how many tuning values an expression of numbers holds; 0 for any other expression."""
-    if isinstance(node, ast.Dict):
-        return sum(map(numbers, node.values))
-    if isinstance(node, ast.Call):
-        inner = next((k.value for k in node.keywords if k.arg == "default_factory"), None)
-        return numbers(inner.body) if isinstance(inner, ast.Lambda) else 0
-    return int(numeric(node) and not all(rounding(leaf) for leaf in ast.walk(node) if isinstance(leaf, ast.Constant)))
+def is_number(node: ast.expr) -> bool:
+    """Whether an expression is made of numbers alone, or is a field with a default made of them."""
+    match node:
+        case ast.Constant(value):
+            return isinstance(value, int | float) and not isinstance(value, bool)
+        case ast.UnaryOp() | ast.BinOp():
+            return all(is_number(child) for child in ast.iter_child_nodes(node) if isinstance(child, ast.expr))
+        case ast.Tuple(elements) | ast.Dict(values=elements):
+            return bool(elements) and all(map(is_number, elements))
+        case ast.Call(keywords=keywords):
+            return any(keyword.arg == "default" and is_number(keyword.value) for keyword in keywords)
+    return False
 
 
-def numeric(node: ast.expr | None) -> TypeGuard[ast.expr]:
-    """Whether an expression is made of numbers alone."""
-    if isinstance(node, ast.Constant):
-        return isinstance(node.value, int | float) and not isinstance(node.value, bool)
-    if isinstance(node, ast.UnaryOp | ast.BinOp):
-        return all(numeric(child) for child in ast.iter_child_nodes(node) if isinstance(child, ast.expr))
-    return isinstance(node, ast.Tuple) and bool(node.elts) and all(map(numeric, node.elts))
+def is_derived(node: ast.expr) -> bool:
+    """Whether an expression computes with a number and a name."""
+    parts = list(ast.walk(node))
+    return isinstance(node, ast.BinOp) and any(isinstance(part, ast.Name | ast.Attribute) for part in parts)
 
 
-def rounding(leaf: ast.Constant) -> bool:
-    """Whether a number separates zero from rounding errors."""
-    return isinstance(leaf.value, float) and 0 < leaf.value <= ROUNDING
+def docstring(node: ast.stmt) -> str | None:
+    """Return the text of a statement that is a string alone."""
+    text = node.value.value if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) else None
+    return " ".join(text.split()) if isinstance(text, str) else None
 
 
-def inline(tree: ast.AST) -> int:
-    """Return the number of floats in function bodies."""
-    bodies = [statement for f in ast.walk(tree) if isinstance(f, ast.FunctionDef) for statement in f.body]
-    leaves = {node for body in bodies for node in ast.walk(body) if isinstance(node, ast.Constant)}
-    return sum(isinstance(x.value, float) and x.value not in ARITHMETIC and not rounding(x) for x in leaves)
+def documented(body: list[ast.stmt]) -> Iterator[tuple[str, ast.expr, str]]:
+    """Yield name, value and docstring of every assignment of a body."""
+    for (node, after), k in zip(pairwise([*body, ast.Pass()]), range(len(body)), strict=True):
+        if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
+            target, text = node.targets[0] if isinstance(node, ast.Assign) else node.target, docstring(after) or "..."
+            for later in body[k + 2 :]:
+                text += f" {more}" if text.endswith("...") and (more := docstring(later)) else ""
+            yield ast.unparse(target), node.value, text
 
 
-def constants(tree: ast.Module) -> int:
-    """Return the number of tuning values among the constants of a module."""
-    return sum(map(numbers, chosen(tree.body)))
+def origin(module: str, value: ast.expr, text: str, about: str = "") -> str | None:
+    """Return where a number comes from; None for what is no number."""
+    if is_derived(value):
+        return "derived"
+    if not is_number(value) or re.fullmatch(r"(?:field\(default=)?-?[01](?:\.0)?(?:,.*)?", ast.unparse(value)):
+        return None
+    leaves = [part.value for part in ast.walk(value) if isinstance(part, ast.Constant)]
+    if (
+        module.startswith(FACTS)
+        or all(isinstance(leaf, float) and leaf <= 1e-9 for leaf in leaves)
+        or FACT.search(text)
+    ):
+        return "fact"
+    if BOUND.search(text):
+        return "bound"
+    return "sourced" if SOURCE.search(text + about) or FIGURE.search(re.sub(r"\[[^]]*\]", "", text)) else "without"
 
 
-def chosen(body: list[ast.stmt]) -> list[ast.expr | None]:
-    """Return the values that a body assigns, without those whose docstring cites a source."""
-    values = []
-    for node, after in zip(body, [*body[1:], None], strict=True):
-        text = after.value.value if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) else ""
-        if isinstance(node, ast.Assign | ast.AnnAssign) and not CITATION.search(str(text)):
-            values.append(node.value)
-    return values
-
-
-def defaults(tree: ast.Module) -> int:
-    """Return the number of tuning values among the defaults of fields."""
-    classes = [node for node in tree.body if isinstance(node, ast.ClassDef)]
-    values = [v for c in classes for v in chosen([item for item in c.body if not isinstance(item, ast.Assign)])]
-    return sum(numbers(v) for v in values if not (isinstance(v, ast.Constant) and v.value == 0))
-
-
-def counts(path: Path) -> Counter[str]:
-    """Return the tuning values of one module, by kind."""
-    if path.name in FIGURES | FACTS:
-        return Counter()
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    found = {"constants": constants(tree), "option defaults": defaults(tree), "inline floats": inline(tree)}
-    return Counter(found)
+def numbers(module: Path) -> Iterator[tuple[str, str]]:
+    """Yield the name and the origin of every number of a module."""
+    path = module.relative_to(PACKAGE).as_posix()
+    body = ast.parse(module.read_text(encoding="utf-8")).body
+    scopes = [("", body, "")] + [
+        (f"{c.name}.", c.body, ast.get_docstring(c) or "") for c in body if isinstance(c, ast.ClassDef)
+    ]
+    bases = {c.name: "".join(map(ast.unparse, c.bases)) for c in body if isinstance(c, ast.ClassDef)}
+    for scope, statements, about in scopes:
+        for name, value, text in documented(statements):
+            if (found := origin(path, value, text, about)) is not None:
+                member = re.search("Enum|Flag", bases.get(scope[:-1], ""))
+                yield f"{path}: {scope}{name} = {ast.unparse(value)}", "fact" if member else found
 
 
 def main() -> None:
-    """Print a row per folder and the sum."""
-    ask = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    ask.add_argument("folders", nargs="*", default=CORE, help="folders of the package")
-    ask.add_argument("--files", action="store_true", help="a row for every module")
-    given = ask.parse_args()
-    kinds = ("constants", "option defaults", "inline floats")
-    print("| folder | lines | " + " | ".join(kinds) + " | values |\n|" + "---|" * 6)
-    total, lines = Counter[str](), 0
-    for folder in given.folders:
-        paths = [path for path in sorted((PACKAGE / folder).rglob("*.py")) if READERS not in path.parts]
-        groups = {str(path.relative_to(PACKAGE)): [path] for path in paths} if given.files else {folder: paths}
-        for name, group in groups.items():
-            found = sum((counts(path) for path in group), Counter())
-            size = sum(len(path.read_text(encoding="utf-8").splitlines()) for path in group)
-            total, lines = total + found, lines + size
-            print(f"| {name} | {size} | " + " | ".join(str(found[kind]) for kind in kinds) + f" | {found.total()} |")
-    print(f"| all | {lines} | " + " | ".join(str(total[kind]) for kind in kinds) + f" | {total.total()} |")
+    """Print a row per folder, and the sum."""
+    folders = [argument for argument in sys.argv[1:] if not argument.startswith("-")]
+    total, rows = Counter[str](), list[str]()
+    for folder in folders or sorted({path.relative_to(PACKAGE).parts[0] for path in PACKAGE.rglob("*.py")}):
+        paths = sorted((PACKAGE / folder).rglob("*.py")) if (PACKAGE / folder).is_dir() else [PACKAGE / folder]
+        found = [number for path in paths for number in numbers(path)]
+        counts = Counter(kind for _, kind in found)
+        total, rows = total + counts, rows + [name for name, kind in found if kind == "without"]
+        print(
+            f"{folder:<14}",
+            *(f"{kind} {counts[kind]:<5}" for kind in ("fact", "bound", "derived", "sourced", "without")),
+        )
+    print(f"{'all':<14}", *(f"{kind} {total[kind]:<5}" for kind in ("fact", "bound", "derived", "sourced", "without")))
+    if "--list" in sys.argv:
+        print(*rows, sep="\n")
+    if "--check" in sys.argv and total["without"] > MOST:
+        sys.exit(f"{total['without']} numbers without a source, more than the {MOST} of scripts/tools/count_tuning.py")
 
 
 if __name__ == "__main__":

@@ -153,6 +153,8 @@ RATE_KEYS = ("fps", "motion_fps", "framerate", "frame_rate", "mocap_framerate", 
 """Names of frames per second."""
 RATES = (0.01, 10_000.0)
 """Frame rates outside these bounds are mistakes [1/s]."""
+FARTHEST = 10_000.0
+"""A position farther from the origin is a mistake [m]: the longest recorded walks outdoors are shorter."""
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from robot_retarget.graph.kind import (
     StreamFrame,
     Track,
 )
+from robot_retarget.graph.kinds.separation import SeparationKind
 from robot_retarget.graph.placed_scene import PlacedScene
 from robot_retarget.graph.track import HARD
 from robot_retarget.graph.weights import RAMP
@@ -44,7 +45,7 @@ class ClearanceKind(Kind):
     name: str = "clearance"
     role = Role.INEQUALITY
     form = Form.NUMERIC
-    margin: float = 0.006
+    margin: float = SeparationKind.margin
     """Over the leg [-], as between links."""
     reach: float = 0.03
     """Bodies that are farther have no rows, over the leg [-]; more rows oppose each other where feet stand among blocks."""

@@ -158,7 +158,7 @@ _ROTATION = ("Zrotation", "Xrotation", "Yrotation")
 _TO_FILE = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 """z up to y up: x' = y, y' = z, z' = x."""
 _RIGID = 1e-6
-"""A joint that moves less than this in its parent has no position channels [m]."""
+"""A joint that moves less than this in its parent has no position channels [m]: the rounding of six decimals in a file."""
 
 
 def write_bvh(motion: Motion, path: str | Path) -> None:

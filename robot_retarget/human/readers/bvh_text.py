@@ -8,14 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from robot_retarget.base.arrays import Floats, Ints
-from robot_retarget.base.errors import MotionError, known
+from robot_retarget.base.errors import LISTED, MotionError, known
 from robot_retarget.human.skeleton import Skeleton
 
 CHANNELS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "XYZ")
 _BY_SPELLING = {channel.lower(): channel for channel in CHANNELS}
 _WORD = re.compile(r"[{}]|[^\s{}]+")
-LISTED = 3
-"""Joints named in a note; further ones are counted."""
 _STATEMENTS = "ROOT, JOINT, End Site, OFFSET, CHANNELS, { or }"
 
 

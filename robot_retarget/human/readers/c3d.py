@@ -17,7 +17,7 @@ from robot_retarget.human.readers import c3d_child
 from robot_retarget.human.readers.points import LabelledPoints, labelled_capture, metres_in, title_of
 
 _BIG_ENDIAN = 86
-"""The kind of processor whose numbers begin with their highest byte."""
+"""The kind of processor, in the format's header, whose numbers begin with their highest byte."""
 
 
 def matches_format(header: FileHeader) -> bool:

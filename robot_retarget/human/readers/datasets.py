@@ -121,7 +121,7 @@ def _rate(durations: Floats, path: Path) -> float:
 HUMANML3D_WIDTH = 263
 """Columns of a frame."""
 HUMANML3D_FPS = 20.0
-"""Of the data set [1/s]."""
+"""Of the data set [1/s], as its library states."""
 _SIX = slice(67, 193)
 _UNIT = 0.2
 """How far from 1 the length of the axes in columns 67–192 may be, on the mean; normalised features are further."""
@@ -184,7 +184,7 @@ ROWS = {
 }
 """Columns of each parameter, by the width of the rows: Motion-X, PHUMA."""
 ROWS_FPS = 30.0
-"""Of both data sets [1/s]."""
+"""Of both data sets [1/s], as their libraries state."""
 
 
 def is_smplx_rows(header: FileHeader) -> bool:

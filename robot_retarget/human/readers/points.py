@@ -12,9 +12,7 @@ from robot_retarget.base.errors import MotionError
 from robot_retarget.human.capture import Capture, Request
 from robot_retarget.human.readers.regressions import SETS, Markers, joint_centres
 from robot_retarget.human.skeleton import Skeleton
-
-GAP = 0.5
-"""The longest time without a point that is bridged by a straight line [s]."""
+from robot_retarget.scene.poses import GAP
 
 
 def bridged(points: Floats, names: Sequence[str], fps: float, source: str) -> tuple[Floats, slice, tuple[str, ...]]:

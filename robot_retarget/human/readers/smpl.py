@@ -15,7 +15,7 @@ from robot_retarget.human.readers.positions import SMPL
 from robot_retarget.human.skeleton import Skeleton, forward
 
 JOINTS = 22
-"""Of the body, in the same order in SMPL, SMPL-H and SMPL-X."""
+"""Of the body, in the order of the format of SMPL, SMPL-H and SMPL-X."""
 # Each joint's place in its parent in the mean body, x to the left, y up, z ahead [m]; the pelvis' in the body's frame.
 # Figures: the bodies of `smpl_humanoid.xml`, the neutral SMPL body as an MJCF, in PHC and ProtoMotions.
 _MEAN: dict[str, tuple[float, float, float]] = {
@@ -81,7 +81,7 @@ SCALE = "smpl_scaling"
 SOMA = "identity_coeffs"
 """The shape of SOMA's body, whose 77 joints are not those of SMPL."""
 AIST_FPS = 60.0
-"""Of the motions of AIST++ [1/s]."""
+"""Of the motions of AIST++ [1/s], as its library states."""
 _PREFIXES = ("", "smpl_params_global/", "smpl_params_global.", "smpl_params_global_")
 
 

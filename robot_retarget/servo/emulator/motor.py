@@ -26,7 +26,7 @@ from robot_retarget.servo.emulator.registers import (
 RADIANS = tau / TICKS_PER_TURN
 """Of a tick [rad]."""
 AMBIENT = 30.0
-"""Temperature of the room and of a rested servo [°C]."""
+"""Temperature of the room and of a rested servo [°C]: the one from which `HEAT_RISE` = 50 K reaches the shutdown."""
 OVERLOAD_DUTY = 0.8
 """A servo that puts this part of its supply on the winding ..."""
 OVERLOAD_SPEED = 0.1
@@ -41,7 +41,7 @@ class EmulatedMotor:
 
     model: Model
     position: float = 2048.0
-    """Unfolded [ticks]."""
+    """Unfolded [ticks]: 2048 is the middle of the turn."""
     velocity: float = 0.0
     """[ticks/s]."""
     duty: float = 0.0

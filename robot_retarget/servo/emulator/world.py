@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from robot_retarget.actuators.control_tables import ENCODER, OVERLOAD, SHOCK
-from robot_retarget.actuators.motors import TICKS_PER_TURN
+from robot_retarget.actuators.motors import SUPPLY_RESISTANCE, TICKS_PER_TURN
 from robot_retarget.base.errors import ServoError, known
 from robot_retarget.servo.emulator.device import Device
 from robot_retarget.servo.emulator.network import Network
@@ -19,8 +19,6 @@ STEP = 0.002
 """Of the built-in motors [s]."""
 MOST_BEHIND = 0.1
 """A world that falls further behind the clock lets the time go [s]."""
-SUPPLY_RESISTANCE = 0.05
-"""Of battery and cables [Ω]."""
 
 
 class World:

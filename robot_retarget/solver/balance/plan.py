@@ -214,7 +214,7 @@ class PlaybackClip:
     stride: float = 1.0
     """Scale of the path along the floor."""
     swing: float = 0.8
-    """Least duration of a swing [s]."""
+    """Least duration of a swing [s], by default that of static balance, as in `Pacing`."""
     ground: SolidGround = field(default_factory=SolidGround)
     """Under the feet."""
 
