@@ -150,8 +150,8 @@ class Track:
 
     def __post_init__(self) -> None:
         frames, edges = np.shape(self.lower)
-        for name, shape in (("lower", (frames, edges)), ("upper", (frames, edges)), ("priority", (frames, edges))):
-            object.__setattr__(self, name, frozen(np.broadcast_to(getattr(self, name), shape)))
+        for name in ("lower", "upper", "priority"):
+            object.__setattr__(self, name, _column(getattr(self, name), frames, edges))
         object.__setattr__(self, "scale", frozen(np.broadcast_to(self.scale, (edges,))))
         if len(self.ends) != edges:
             raise GraphError(f"{self.name}: {len(self.ends)} pairs of ends for {edges} edges")
@@ -298,6 +298,13 @@ class Track:
         return replace(self, priority=priority)
 
 
+def _column(values: Floats, frames: int, edges: int) -> Floats:
+    """A read-only column (T, E); one row in memory where all frames have the same values."""
+    column = np.broadcast_to(values, (frames, edges))
+    same = frames > 0 and (column == column[0]).all()
+    return np.broadcast_to(frozen(column[0]), column.shape) if same else frozen(column)
+
+
 def exact(
     kind: "Kind",
     ends: Sequence[tuple[str, str]],
@@ -318,16 +325,8 @@ def exact(
         axes: (E,) axes of coordinates; empty for distances.
         huber_delta: Huber scale of the errors [-].
     """
-    return Track(
-        kind,
-        tuple(ends),
-        target,
-        target,
-        np.asarray(priority, dtype=float),
-        np.asarray(scale, dtype=float),
-        tuple(axes),
-        huber_delta,
-    )
+    weights, scales = np.asarray(priority, dtype=float), np.asarray(scale, dtype=float)
+    return Track(kind, tuple(ends), target, target, weights, scales, tuple(axes), huber_delta)
 
 
 def limit(
@@ -341,9 +340,8 @@ def limit(
         upper: as `lower`.
         frames: number of frames |T|.
     """
-    shape = (frames, len(ends))
-    low, high = np.broadcast_to(lower, shape), np.broadcast_to(upper, shape)
-    return Track(kind, tuple(ends), low, high, np.full(shape, np.inf), np.ones(len(ends)))
+    low = np.broadcast_to(lower, (frames, len(ends)))
+    return Track(kind, tuple(ends), low, np.asarray(upper), np.asarray(np.inf), np.ones(len(ends)))
 
 
 def concatenated(parts: Sequence[Track]) -> Track:

@@ -45,6 +45,13 @@ def test_every_kind_and_every_limit_of_the_bodies_is_there_in_its_number() -> No
     assert len(graph) == FRAMES and graph.fps == 30
 
 
+def test_bounds_that_never_change_take_one_row_in_memory_and_cannot_be_written() -> None:
+    ranges = clap().kinds["range"]
+    for column in (ranges.lower, ranges.upper, ranges.priority):
+        assert column.shape == (FRAMES, len(ranges)) and column.strides[0] == 0 and not column.flags.writeable
+    assert clap().kinds["posture"].lower.strides[0] > 0
+
+
 def test_its_repr_says_the_robot_the_frames_and_every_kind() -> None:
     said = repr(clap())
     for word in ("op3 × 60 frames at 30/s", *(f"{len(track)} {name}" for name, track in clap().kinds.items())):
