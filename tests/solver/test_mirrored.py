@@ -51,7 +51,7 @@ CAUSAL, WHOLE = Smoothing(passes=0), Smoothing()
 @pytest.mark.parametrize("clip", ["wave", "walk", "squat", "hips_and_bow"])
 @pytest.mark.parametrize("smoothing", [CAUSAL, WHOLE], ids=["causal", "whole"])
 def test_a_mirrored_motion_gives_the_mirrored_trajectory(clip: str, smoothing: Smoothing) -> None:
-    motion = read_motion(SAMPLES / f"{clip}.bvh").resample(15)
+    motion = read_motion(SAMPLES / f"{clip}.bvh").resample(15).frames(0, 50)
     assert asymmetry(motion, load_robot("op3"), smoothing) < 1e-3
 
 
@@ -121,9 +121,11 @@ def test_knees_of_which_neither_goes_first_do_not_stop_a_squat_half_way_down() -
 @pytest.mark.parametrize("name", ["booster_t1", "unitree_h1", "toddlerbot_2xc"])
 def test_frame_by_frame_hands_that_meet_do_not_get_stuck(name: str) -> None:
     """A frame whose hands were held back costs ten times as much as one of the smooth clap."""
-    motion, robot = read_motion(SAMPLES / "clap.bvh").resample(30), load_robot(SHARED / f"robots/{name}/{name}.xml")
+    motion = read_motion(SAMPLES / "clap.bvh").resample(30).frames(16, 80)
+    robot = load_robot(SHARED / f"robots/{name}/{name}.xml")
     solved = [retarget(motion, robot, smoothing=smoothing, balance="off").solution for smoothing in (CAUSAL, WHOLE)]
     most = [(each.cost - each.stress["smoothness"] - each.stress["jerk"]).max() for each in solved]
+    print(most)
     assert most[0] < 6 * most[1]
 
 
