@@ -6,6 +6,7 @@ Functions of one frame are mapped over frames: one call evaluates a block of the
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from threading import Thread
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -20,6 +21,8 @@ WITHIN = 1e-5
 Hessian."""
 EXACT = 1e-7
 """A row that was left out counts as satisfied if it is missed by no more: the result must not depend on what was left out."""
+BUILDS = 16
+"""Number of builds that a process keeps, of some megabytes each: a clip takes two, and building takes .2 s of a clip's 1 to 2 s."""
 FEW = 24
 """Number of rows of the first program of a frame: it takes 60 % of the time of one with 72 rows."""
 
@@ -132,13 +135,19 @@ class Build:
     """Functions with a key: machine code that the cache has under it, else built, and compiled in the background."""
 
     functions: list[Upgraded]
+    _built: ClassVar[dict[str, list[ca.Function]]] = {}
 
-    def __init__(self, build: Callable[[], Sequence[ca.Function]], key: str | None):
-        """Load or build functions; without a key, they are not compiled."""
-        kept = remembered(key) if key else None
-        built = kept or [function.expand() for function in build()]
+    def __init__(self, build: Callable[[], Sequence[ca.Function]], key: str | None, native: bool):
+        """Load or build functions, or take those that this process built last; compile them if `native` is set."""
+        kept = remembered(key) if key and native else None
+        built = kept or self._built.pop(key or "", None) or [function.expand() for function in build()]
+        if key and kept is None:
+            self._built[key] = built
+            for oldest in list(self._built)[:-BUILDS]:
+                self._built.pop(oldest, None)
         self.functions = [Upgraded(function, kept is not None) for function in built]
-        self._compiling = Thread(target=self._compile, args=(key, built)) if key and kept is None else None
+        compiled = key and native and kept is None
+        self._compiling = Thread(target=self._compile, args=(key, built)) if compiled else None
         if self._compiling:
             self._compiling.start()
 

@@ -143,8 +143,8 @@ class CompiledTracks:
     def __init__(self, robot: Robot, match: Match, tracks: Sequence[Track], first: int, native: bool, shipped: bool):
         """Assemble the functions of tracks whose edges begin with the graph's `first`."""
         self.edges: slice = slice(first, first + sum(map(len, tracks)))
-        key = build_key(robot, match, tracks) if native else None
-        self.build: Build = Build(lambda: _cost_functions(robot, match, tracks, shipped), key)
+        key = build_key(robot, match, tracks) if shipped else None
+        self.build: Build = Build(lambda: _cost_functions(robot, match, tracks, shipped), key, native)
         self.model, self.cost, self.values = self.build.functions
 
     def of(self, targets: Targets) -> tuple[Floats, Floats, Floats]:
@@ -235,8 +235,8 @@ class Inequalities:
         """Compile the rows of a problem's tracks, which are `ordered`."""
         own = [track for track in tracks if (track.role, track.kind.form) == (Role.INEQUALITY, Form.SYMBOLIC)]
         self._nv, every = robot.model.nv, columns_of(tracks)
-        key = build_key(robot, match, own) if native else None
-        self.build = Build(lambda: [_row_function(robot, match, own)], key)
+        build, key = (lambda: [_row_function(robot, match, own)]), build_key(robot, match, own)
+        self.build = Build(build, key, native)
         (self._measure,) = self.build.functions
         self.columns: dict[str, slice] = columns_of(own)
         """The edges of each kind among these rows."""
