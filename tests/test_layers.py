@@ -2,6 +2,7 @@
 
 import ast
 import resource
+import runpy
 import subprocess
 import sys
 from functools import cache
@@ -162,6 +163,15 @@ def test_no_two_public_classes_share_a_name() -> None:
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 homes.setdefault(node.name, set()).add(path)
     assert not {name: paths for name, paths in homes.items() if len(paths) > 1}
+
+
+def test_numbers_without_a_source_become_no_more() -> None:
+    """A number that decides says below it where it comes from; scripts/tools/count_tuning.py --list prints those that do not."""
+    tool = runpy.run_path(str(ROOT / "scripts/tools/count_tuning.py"))
+    found = [
+        number for path in PACKAGE.rglob("*.py") for number, origin in tool["numbers"](path) if origin == "without"
+    ]
+    assert len(found) <= tool["MOST"], sorted(found)
 
 
 def test_every_file_of_tests_has_a_name_of_its_own() -> None:

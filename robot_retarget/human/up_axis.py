@@ -33,12 +33,13 @@ class UpAxisRule:
     """How much each kind of evidence counts, in natural units of a log-likelihood; lengths in leg lengths."""
 
     strong: float = 4.0
-    """Of evidence that fails in one clip of fifty: the head is over the ankles, the lowest point of the body keeps its
-    height (per leg length), a flight is a free fall."""
+    """Of evidence that fails in one clip of 50: the head is over the ankles, the lowest point of the body keeps its height
+    (per leg length), a flight is a free fall. The logarithm of these odds is 3.9."""
     floor: float = 3.5
     """Of a lowest point that begins at 0; less than the posture, as points may be relative to the pelvis."""
     weak: float = 1.5
-    """Of evidence that fails in one file of five: the head is over the ankles in the rest pose, x does not point up."""
+    """Of evidence that fails in one file of 5: the head is over the ankles in the rest pose, x does not point up. The
+    logarithm of these odds is 1.4."""
     near: float = 0.2
     """Height within which the lowest point of a clip begins at 0."""
     airborne: float = JOINTS.flight

@@ -23,7 +23,7 @@ from robot_retarget.judge.bodies import SimulatedBodies
 from robot_retarget.judge.plant import Mode, Plant, limb_inertia
 from robot_retarget.judge.playback import Playback, settled
 from robot_retarget.robot.coupling import Coupling
-from robot_retarget.robot.dynamics import EVENNESS, ground_push
+from robot_retarget.robot.dynamics import DOWN, EVENNESS, ground_push
 from robot_retarget.robot.model import FREE
 from robot_retarget.robot.support import feet_of
 from robot_retarget.trajectory import Trajectory
@@ -105,7 +105,7 @@ GRIP = 0.5
 """Share of the friction that a grasp counts on [-]."""
 SQUEEZE = 0.05
 """P over the weight of the robot [-]: position servos yield to it by millimetres, as much as they err, and weak arms are not bent by it."""
-TOUCH = 0.003
+TOUCH = DOWN
 """Surfaces of a plan this near to each other touch [m]."""
 SLIDING = 0.02
 """A contact whose surfaces slide faster in the plan holds nothing: a hand on its way to its place [m/s]."""

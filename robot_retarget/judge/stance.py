@@ -20,6 +20,7 @@ from robot_retarget.robot.dynamics import DOWN, Stance, contact_planes, margins
 from robot_retarget.robot.kinematics import world_points
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.support import Feet, Planes, feet_of
+from robot_retarget.scores.subject import OVERLAP
 from robot_retarget.trajectory import Trajectory
 
 LIGHT = 0.05
@@ -128,15 +129,13 @@ def _least(margin: Floats) -> float | None:
 
 # Contacts with bodies that a simulation keeps: those of the plan, link by link, and when one is missing.
 
-TOUCH = 0.001
-"""Surfaces of a plan this near to each other touch; links that pass a body keep a larger margin [m]."""
 BRIEF = 0.2
 """A plan passes bodies in shorter touches [s]."""
 LATE = 0.15
 """A contact may begin and end later or earlier than planned by this time [s]."""
 
 MISSED = 0.5
-"""A foot misses a body that it touches for less than this share of a planned stance [-]."""
+"""A foot misses a body that it touches for less than this share of a planned stance [-]: half of it."""
 
 
 class Touch(NamedTuple):
@@ -149,14 +148,14 @@ class Touch(NamedTuple):
 
 
 def planned_touches(robot: Robot, trajectory: Trajectory) -> list[Touch]:
-    """Return the touches of a trajectory, in which surfaces are within `TOUCH` of each other, without passing ones."""
+    """Return the touches of a trajectory, in which surfaces are within `OVERLAP` of each other, without passing ones."""
     scene = trajectory.scene
     if scene is None:
         return []
     among, frames = RobotAmongBodies(robot, scene), len(trajectory)
     near: dict[tuple[int, int], Bools] = {}
     for t, (q, poses) in enumerate(zip(trajectory.qpos, scene.poses(frames), strict=True)):
-        found = among.near(q, poses, TOUCH)
+        found = among.near(q, poses, OVERLAP)
         for pair in zip(found.links.tolist(), found.bodies.tolist(), strict=True):
             near.setdefault(pair, np.zeros(frames, bool))[t] = True
     return [

@@ -12,6 +12,7 @@ from robot_retarget.judge.bodies import dropped
 from robot_retarget.judge.stance import missed_steps
 from robot_retarget.scores.figure import Check, shown
 from robot_retarget.scores.likeness import UNLIKE, Alike, compared_figures
+from robot_retarget.scores.subject import OVERLAP
 
 # Limits of a pass: one table, which a TOML file can override line by line.
 
@@ -22,7 +23,7 @@ class Thresholds(Alike):
 
     tracking_rms: float = TRACKING_RMS
     """Of the worst joint [rad]."""
-    penetration: float = 0.001
+    penetration: float = OVERLAP
     """Of the robot with itself in the replay [m]; no frame may be deeper."""
     between_frames: float = 0.01
     """Of the robot with itself on the straight way from frame to frame [m]: 8 N at the end of an arm of 15 cm move

@@ -130,7 +130,7 @@ class Frame:
 JUMP = 1.0
 """A larger step of the offset means that the sender's clock was set [s]."""
 LEAK = 1e-3
-"""Rate at which the offset follows a growing delay [s/s]; quartz clocks drift ten times slower."""
+"""Rate at which the offset follows a growing delay [s/s]: ten times the 1e-4 by which quartz clocks drift."""
 
 LEAST = 1e-3
 """Shortest time between two frames, for frames that arrive together [s]."""

@@ -13,9 +13,9 @@ from robot_retarget.human.readers.headset import JOINTS, NANO, HeldBody
 from robot_retarget.live.frame import Fault, FaultCounter, Frame, RefusedError, SenderClock
 
 POLL = 1e-3
-"""Pause between two questions [s]; a frame is this much later at most."""
+"""Pause between two questions [s]; a frame is 1 ms later at most."""
 INTERVAL = 1 / 90
-"""Between two updates of an OpenXR session [s], the interval of the fastest body trackers."""
+"""Between two updates of an OpenXR session [s]: the fastest body trackers send 90 a second."""
 
 
 class TrackedBody(NamedTuple):

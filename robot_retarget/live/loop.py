@@ -29,7 +29,7 @@ class Patience:
     """When a source counts as silent."""
 
     intervals: float = 2.5
-    """Frame intervals without a frame before the robot eases to a stop; one lost frame is fewer."""
+    """Frame intervals without a frame before the robot eases to a stop [-]: a lost frame leaves 2 without one."""
     least: float = 0.03
     most: float = 0.2
     """Bounds of that time [s]."""

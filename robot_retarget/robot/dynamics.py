@@ -15,7 +15,7 @@ from robot_retarget.base.arrays import Bools, Floats, Ints, cross, unit
 from robot_retarget.robot.kinematics import Points, body_frames, integrate, world_points
 from robot_retarget.robot.model import SLIDE, Robot
 from robot_retarget.robot.support import CORNERS, Feet, Planes, feet_of, level_planes, planes_through, support
-from robot_retarget.scene.geoms import SolidGround
+from robot_retarget.scene.geoms import REST, SolidGround
 from robot_retarget.trajectory import Trajectory
 
 NEAR = 0.002
@@ -227,7 +227,7 @@ def _pyramids(normals: Floats) -> Floats:
 # Placement of a robot by its root: a free joint, or any sequence of slides and hinges.
 
 STEPS = 30
-"""Newton steps at most; a free joint takes two, three hinges about five."""
+"""Newton steps at most; a free joint takes 2, three hinges about 5."""
 ARRIVED = 1e-9
 """Newton stops after a shorter step [m, rad]."""
 
@@ -325,7 +325,7 @@ def raise_root(robot: Robot, qpos: Floats, height: float) -> Floats:
 #
 # The margin of a point is its distance to the nearest edge of the convex hull of the sole points that carry.
 
-DOWN = 0.003
+DOWN = REST
 """Sole points of a touching foot this near to the floor carry it [m]."""
 SMOOTH = 0.05
 """Of the momenta of a plan [s]."""

@@ -31,7 +31,7 @@ DEFAULT_RANGE = np.pi
 ROUNDING = 1e-3
 """A speed within this share of its bound is bounded: the solver keeps bounds to 1e-4 [-]."""
 DEFAULT_MAX_SPEED = 10.0
-"""Where neither the model nor a limits file says: that of a brisk servo [rad/s]."""
+"""Where neither the model nor a limits file says [rad/s]: a brisk servo's, 10.8 of an XL330-M288 and 8.1 of an XM430-W210."""
 
 
 @dataclass(frozen=True, eq=False)

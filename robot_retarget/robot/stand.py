@@ -17,7 +17,7 @@ from robot_retarget.robot.recognise import KEPT, recognise
 HANGING = np.pi / 4
 """An upper arm nearer to straight down hangs [rad]: the standing keyframes of OP3, T1, ToddlerBot and G1 have 0.17 to 0.3."""
 ASIDE = 0.2
-"""A hanging arm points aside by this angle, as in those keyframes, so that hands clear the hips [rad] ..."""
+"""A hanging arm points aside by this angle, as in those keyframes (0.17 to 0.3), so that hands clear the hips [rad] ..."""
 BENT = 0.3
 """... and its forearm forward by this one, which tells how the arm is twisted [rad]."""
 STAY = 0.01

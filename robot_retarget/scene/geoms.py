@@ -231,7 +231,7 @@ HALVINGS = 6
 REST = 0.003
 """Points this much higher than the lowest one rest on the ground as well [m]."""
 SAME = 4
-"""Soles that agree to this number of decimals stand alike [m]."""
+"""Soles that agree to this number of decimals stand alike [m]: to 0.1 mm."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from robot_retarget.scene.shape import BodyShape, ShapeKind
 IDENTITY = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 """Pose of the world: x y z, quaternion w x y z."""
 DENSITY = 100.0
-"""Density of a body without a stated mass, that of a carton with light content [kg/m³]."""
+"""Density of a body without a stated mass [kg/m³]: a carton of 40 × 30 × 30 cm weighs 3.6 kg."""
 FRICTION = 0.9
 """Sliding friction of a body that states none, that of carton or wood on rubber [-]."""
 

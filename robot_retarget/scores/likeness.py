@@ -109,7 +109,7 @@ FAR = np.radians(25.0)
 AT_LIMIT = 0.99
 """A joint is at its limit of speed or torque from this share of it on [-]: the solver keeps limits to 1e-4."""
 LASTING = 0.9
-"""Quantile of the heading error that is judged: a turn counts if it lasts for a tenth of the time."""
+"""Quantile of the heading error that is judged [-]: a turn counts if it lasts for 10 % of the time."""
 
 
 @dataclass(frozen=True, eq=False)

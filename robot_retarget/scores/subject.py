@@ -15,6 +15,7 @@ from robot_retarget.robot.contacts import replay_contacts
 from robot_retarget.robot.dynamics import SMOOTH, required_forces
 from robot_retarget.robot.geoms import solid_geoms
 from robot_retarget.robot.kinematics import BLOCK
+from robot_retarget.robot.limbs import SOLE
 from robot_retarget.robot.links import local_points
 from robot_retarget.robot.support import feet_of
 from robot_retarget.robot.timing import joint_velocities
@@ -23,8 +24,6 @@ from robot_retarget.trajectory import Trajectory
 
 # The points of a foot that stand on the floor, as the figures on feet see them.
 
-LAYER = 0.01
-"""Points this near to the lowest of the foot in the reference pose belong to its sole [m]."""
 COUNT = 80
 """A sole is sampled by at most this many points, evenly in the order of the model's vertices."""
 
@@ -66,7 +65,7 @@ def soles_of(robot: Robot, anatomy: Anatomy) -> tuple[Points, ...]:
 
 
 def sole_points(robot: Robot, foot: int) -> Points:
-    """The sole of a body: vertices of its geoms within `LAYER` of the lowest in the reference pose.
+    """The sole of a body: vertices of its geoms within `SOLE` of the lowest in the reference pose.
 
     Spheres, capsules and cylinders count by the lowest points of their ends.
     """
@@ -76,7 +75,7 @@ def sole_points(robot: Robot, foot: int) -> Points:
     cloud = np.concatenate([np.zeros((0, 3)), *clouds])
     if not len(cloud):
         return Points(np.zeros(0, int), cloud)
-    cloud = cloud[cloud[:, 2] < cloud[:, 2].min() + LAYER]
+    cloud = cloud[cloud[:, 2] < cloud[:, 2].min() + SOLE]
     cloud = cloud[np.linspace(0, len(cloud) - 1, min(COUNT, len(cloud))).astype(int)]
     return Points(np.full(len(cloud), foot), (cloud - data.xpos[foot]) @ data.xmat[foot].reshape(3, 3))
 

@@ -72,9 +72,9 @@ def _between(low: Floats, value: Floats, high: Floats) -> Floats:
 # Check readings of the servos against the limits of the map during playback.
 
 MISSES = 2
-"""Number of ticks without an answer that counts as silence."""
+"""Number of ticks in a row without an answer that counts as silence: one may be lost to a disturbed line, once in 100 ticks."""
 OVERLOADED = 0.5
-"""Longest time above the current limit [s]."""
+"""Longest time above the current limit [s], as `Limits.current` states."""
 STUCK = 0.3
 """A joint whose goal the step cap limits for this long does not follow [s]."""
 ALERTED = 0x80

@@ -100,7 +100,7 @@ SUPPLY = XM430_W350["present_input_voltage"].address, 3
 STATE = XM430_W350["torque_enable"].address, 7
 """From `torque_enable` to `hardware_error_status`: address and bytes."""
 CYCLE_PATIENCE = 0.006
-"""Timeout of an answer within a tick, beyond its time on the wire [s]."""
+"""Timeout of an answer within a tick, beyond its time on the wire [s]: three quarters of the 8 ms of a tick."""
 
 
 class ServoGoals(NamedTuple):

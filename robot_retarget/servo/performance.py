@@ -23,7 +23,8 @@ from robot_retarget.servo.watch import FallGuard
 # Engage a robot without a jump, leave it holding, release it.
 
 STRAIN = 0.15
-"""A servo left holding is not left pulling at more than this [rad]: two thirds of full duty at the usual gain."""
+"""A servo left holding is not left pulling at more than this [rad]: two thirds of the 0.217 rad of full duty at the usual
+gain."""
 
 
 def take_hold(link: Link, judge: Judge) -> Guard:
@@ -67,7 +68,8 @@ def let_go(link: Link) -> None:
 STOPPING = (FaultError, NoAnswerError, StatusError)
 """Errors that end a motion with all servos holding."""
 MADE_UP = 0.025
-"""Ticks up to this late are sent at once, one after the other; later ones are skipped [s]. The motion keeps its mean speed."""
+"""Ticks up to this late are sent at once, one after the other; later ones are skipped [s]: three ticks of 8 ms. The motion
+keeps its mean speed."""
 
 
 class _InterruptError(Exception):

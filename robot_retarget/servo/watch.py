@@ -29,7 +29,7 @@ ACCEL_UNIT = 2.0 / 32768 * STANDARD_GRAVITY
 """[m/s²]."""
 SIZE = ROLL - GYRO
 PATIENCE = 0.004
-"""A reading that comes later than this is lost for the tick [s]."""
+"""A reading that comes later than this is lost for the tick [s]: half of the 8 ms of a tick."""
 
 
 def encoded(reading: Reading, mounting: Floats) -> bytes:
@@ -215,7 +215,7 @@ class FallGuard:
 SAMPLES = 50
 """Readings of the check at rest ..."""
 SPACING = 0.004
-"""... and the time between two of them [s]."""
+"""... and the time between two of them [s]: 0.2 s in all, as `inertial.HELD`."""
 CROUCHED = 2.0
 """Time after which a robot that leaned too far rests in its crouch [s]."""
 

@@ -54,7 +54,7 @@ class EmulatedMotor:
     damping: float = 0.0
     """Besides the back-EMF [N m s/rad]."""
     friction: float = 0.03
-    """Dry [N m]."""
+    """Dry [N m]: that of the XM430 of the OP3 in `PUBLISHED`, 0.03."""
     weight: float = 0.0
     """Torque of a pendulum's weight when it is horizontal [N m]."""
     hanging: float = 2048.0

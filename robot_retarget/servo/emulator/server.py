@@ -60,9 +60,10 @@ SILENCE = 0.01
 TICK = 0.01
 """Longest interval between two updates of the world [s]."""
 AWAKE = 60e-6
-"""Time before an answer is due at which the loop wakes up, for scheduling delays [s]."""
+"""Time before an answer is due at which the loop wakes up [s]: the timer slack of Linux is 50 µs."""
 HUSH = 0.3e-3
-"""Around the last answer to a request the world stands still [s]: a host in a hurry asks again at once."""
+"""The world is not stepped for this time before and after an answer is due [s], so that a host that asks again at once is
+answered in time."""
 BAUD_CODES = {getattr(termios, f"B{baud}"): baud for baud in BAUDS if hasattr(termios, f"B{baud}")}
 
 

@@ -16,9 +16,10 @@ if TYPE_CHECKING:
     from robot_retarget.servo.twin import Twin
 
 STEP = 0.002
-"""Of the built-in motors [s]."""
+"""Of the built-in motors, and of a simulated pendulum [s]: MuJoCo's default."""
 MOST_BEHIND = 0.1
-"""A world that falls further behind the clock lets the time go [s]."""
+"""A world that falls further behind the clock lets the time go [s]: the servos' watchdog of 0.1 s has ended a playback by
+then."""
 
 
 class World:
