@@ -19,7 +19,11 @@ WINDOW = 0.6
 
 @dataclass(frozen=True)
 class ContactRule:
-    """Thresholds of contact with a surface."""
+    """Thresholds of contact with a surface.
+
+    Measured on the 192 clear ones of 240 frames that a person labelled (tests/contact/test_labels.py): 2 are wrong. Half and
+    double of a speed make 4 and 0 (enter) or 14 and 3 (leave), of a height 8 and 2 at most, of any other field 2 or 3.
+    """
 
     enter_speed: float = 0.3
     leave_speed: float = 0.4

@@ -40,7 +40,7 @@ ROUNDS = 400
 PENALTY = 2e-3
 """Of the alternating directions [rad²/(N m)²]: the square of the compliance of a joint of 20 N m/rad."""
 ENOUGH = 1e-5
-"""A change that alters less from round to round is found [rad]."""
+"""A change that alters less from round to round is found [rad]: a hundredth of the 1.5e-3 of an encoder's tick."""
 
 
 def torque_limited_reference(torque: Floats, bound: float, inertia: float, damping: float, dt: float) -> Floats:

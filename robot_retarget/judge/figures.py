@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from robot_retarget.actuators.goals import RATE
 from robot_retarget.base.arrays import Floats
 from robot_retarget.judge.plant import Plant
 from robot_retarget.judge.playback import Rollout
@@ -88,8 +89,6 @@ def _electrical(
     }
 
 
-BETWEEN = 125.0
-"""Sampling rate of the path between frames [1/s]: that of goals."""
 SUNK = 0.5
 """A root at less than this share of its planned height is down."""
 MOVING = 0.05
@@ -114,7 +113,7 @@ def replay_figures(trajectory: Trajectory, robot: Robot, contacts: Contacts, pen
 
 def between_figures(trajectory: Trajectory, robot: Robot) -> dict[str, Any]:
     """The deepest self-contact on the straight way from frame to frame, which servos take and frames do not show."""
-    finer = resample(trajectory, robot, max(BETWEEN, trajectory.fps))
+    finer = resample(trajectory, robot, max(RATE, trajectory.fps))
     contacts = replay_contacts(robot, finer.qpos)
     if not len(contacts):
         return {"between_frames_depth_m": 0.0, "between_frames_bodies": None, "between_frames_s": None}

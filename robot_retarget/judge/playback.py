@@ -33,7 +33,8 @@ class Playback:
     rate: float = RATE
     """Goals a second, each held till the next; rounded to whole steps of the physics."""
     delay: float = 0.002
-    """From the host to the windings [s]; rounded to whole steps of the physics."""
+    """From the host to the windings [s], rounded to whole steps of the physics: goals for 20 servos take 1.1 ms on a wire of
+    1 Mbaud."""
     settle_before: float = 1.0
     """The first pose is held this long before the trajectory begins [s]."""
     settle_after: float = 1.0

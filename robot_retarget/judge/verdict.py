@@ -43,7 +43,7 @@ class Thresholds(Alike):
     body_contacts_lost: float = 0.3
     """Share of the planned time of contacts with bodies that the simulation lacks."""
     fallen_share: float = 0.1
-    """Share of the drawn simulations (`worlds.Spread`) that end in a fall, in mode `free`."""
+    """Share of the drawn simulations (`worlds.Spread`) that end in a fall, in mode `free`: one of 10."""
     zmp_margin: float = 0.006
     """A pass whose least margin of the zero moment point is smaller is at the edge [m]: of 45 stepping clips that passed with
     0–5 mm a third fell on a soft floor with sagging supply, those with 7–9 mm stood."""

@@ -18,7 +18,8 @@ from robot_retarget.solver.problem import Problem
 from robot_retarget.solver.quadratic import Between, CostModel, Proximal, Quadratic, diagonal
 
 UNSEEN = 0.03
-"""The last step of a descent, which gains little, is accepted without evaluation if no hinge turns further [rad]."""
+"""The last step of a descent, which gains little, is accepted without evaluation if no hinge turns further [rad]. With 0,
+four clips take 20 % more time, and cost 1.001 of it on the G1 and 0.986 on the OP3."""
 
 
 class FrameSolver:

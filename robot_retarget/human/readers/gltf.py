@@ -17,7 +17,9 @@ from robot_retarget.human.readers.gltf_container import GltfFile
 from robot_retarget.human.skeleton import Skeleton, sorted_tree
 
 WIDTHS = {"translation": 3, "rotation": 4, "scale": 3}
+"""Numbers of each kind of value in the format."""
 _REST = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}
+"""Values of a node that states none, in the format."""
 
 
 @dataclass(frozen=True)

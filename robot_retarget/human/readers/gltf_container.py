@@ -22,6 +22,7 @@ from robot_retarget.base.untrusted.documents import parse_json
 _MAGIC, _JSON, _BIN = b"glTF", 0x4E4F534A, 0x004E4942
 _COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
+"""Numbers of each type of element in the format."""
 
 
 @dataclass(frozen=True)

@@ -103,6 +103,7 @@ def read_vicon(path: Path, request: Request) -> Capture:
 # `Marker`, …), name (`Anna:LShin`), ID, quantity (`Rotation`, `Position`) and axis; the first of them begins with `,Type`.
 
 MOTIVE_UNITS = {"meters": 1.0, "centimeters": 0.01, "millimeters": 0.001}
+"""Metres in each unit of the format."""
 # Each bone of Motive's skeletons and the bone that carries it, in its own names and in those of FBX exports.
 _SIDED = {
     "Shoulder": "Chest", "UArm": "{}Shoulder", "FArm": "{}UArm", "Hand": "{}FArm",

@@ -98,6 +98,7 @@ def of_points(
 # A capture of labelled points: joint centres by published regressions from markers, or joint centres that are named.
 
 UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "in": 0.0254}
+"""Metres in each unit."""
 
 
 def metres_in(unit: str, what: str, path: Path, line: int | None = None) -> float:

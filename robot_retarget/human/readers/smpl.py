@@ -32,10 +32,11 @@ _MEAN: dict[str, tuple[float, float, float]] = {
     "left_wrist": (0.2492, 0.0090, -0.0012), "right_wrist": (-0.2553, 0.0078, -0.0056),
     "left_hand": (0.0840, -0.0082, -0.0149), "right_hand": (-0.0846, -0.0061, -0.0103),
 }  # fmt: skip
+"""Places of the joints of the mean body in its rest pose [m], of the format."""
 NAMES = tuple(SMPL)
 PARENTS = np.array([-1 if (parent := SMPL[name]) is None else NAMES.index(parent) for name in NAMES])
 _STATURE, _PER_BETA = 1.66, 0.1
-"""Of the mean body, and how much the first shape parameter adds to it: the rule of GMR's loader of SMPL-X files [m]."""
+"""Of the mean body, and how much the first shape parameter adds to it: the rule of GMR's library for SMPL-X files [m]."""
 
 
 def mean_skeleton(betas: Floats | None) -> tuple[Skeleton, str]:

@@ -24,7 +24,7 @@ HEAD_ABOVE_SHOULDERS = 0.2
 """Height of the head joint over the shoulders, in leg lengths (0.16 … 0.21 on the rigs measured; the crown: 0.35)."""
 LEVEL = 0.1
 """Joints of the spine that differ by no more in height are level with each other, and so are joints and shoulders [leg
-lengths]."""
+lengths]. Half recognises 13 exporters alike, double errs in one."""
 
 
 @dataclass(frozen=True)
@@ -121,13 +121,14 @@ def _heads(
 # away from where the elbows bend to.
 
 SURE = 0.3
-"""Certainty from which geometry overrules names."""
+"""Certainty from which geometry overrules names. Half and double recognise clips of 13 exporters alike."""
 HEEL = 0.08
 """What feet must say against names and knees to be heels, and these against them [leg lengths]: two heels 3 cm behind."""
 
 
 ELBOWS = 0.25
-"""Weight of elbows against feet and knees [-]: a T-pose bends them either way."""
+"""Weight of elbows against feet and knees [-]: a T-pose bends them either way. Half and double recognise clips of 13
+exporters alike."""
 
 
 @dataclass(frozen=True)
@@ -234,7 +235,7 @@ _WORD = {"chest": "spine"}
 """Keypoints whose part has another name in `joint_names`."""
 
 SILENT = 0.65
-"""Confidence in a joint whose name is silent and that no other rivals."""
+"""Confidence in a joint whose name is silent and that no other rivals. Half and double recognise clips of 13 exporters alike."""
 LEAD = 4.0
 """Of two rivals the better one is right with the odds e^(LEAD · lead): even ones as often as not, by a lead of 0.5 7 in 8 times."""
 
