@@ -22,20 +22,21 @@ from robot_retarget.robot import Points, Robot, load_robot
 from robot_retarget.solver import problem as problem_module
 from robot_retarget.solver import solve as solve_module
 from robot_retarget.solver.limits import targets_of
-from robot_retarget.solver.native import machine_code
-from robot_retarget.solver.pipeline import retarget
+from robot_retarget.solver.native import library_of, machine_code
 from robot_retarget.solver.problem import Problem, build_problem
+from robot_retarget.solver.solve import solve_graph
 
 needs_compiler = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
 SMALL = f"""
-import sys
+import os, sys
 sys.path.insert(0, {str(Path(__file__).parent.parent)!r})
 from robot_retarget.solver.native import machine_code
 from robot_retarget.robot import Points, load_robot
 from point_functions import point_function
 robot = load_robot("op3")
-compiled = machine_code(point_function(robot, Points([robot.model.nbody - 1], [[0, 0, 0.1]])))
-print(compiled(robot.standing())[0] if compiled else None)
+for os.environ["XDG_CACHE_HOME"] in sys.argv[1:]:
+    compiled = machine_code(point_function(robot, Points([robot.model.nbody - 1], [[0, 0, 0.1]])))
+    print(compiled(robot.standing())[0] if compiled else None)
 """
 
 
@@ -52,7 +53,24 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture(scope="module")
 def case() -> RobotGraph:
-    return describe(read_motion(SAMPLES / "wave.bvh").frames(0, 3), load_robot("op3"))
+    return describe(read_motion(SAMPLES / "wave.bvh").frames(0, 60), load_robot("op3"))
+
+
+@pytest.fixture(scope="module")
+def whole(case: RobotGraph, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the machine code of the case."""
+    folder = tmp_path_factory.mktemp("whole")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("CC", "cc")
+        patch.setenv("XDG_CACHE_HOME", str(folder))
+        assert built(case, native=True).native
+    return folder
+
+
+@pytest.fixture
+def filled(whole: Path, cache: Path) -> Path:
+    """A cache with the machine code of the case."""
+    return shutil.copytree(whole / cache.name, cache)
 
 
 def built(graph: RobotGraph, native: bool) -> Problem:
@@ -69,9 +87,10 @@ def small() -> tuple[Robot, Points]:
     return robot, Points(np.array([robot.model.nbody - 1]), np.array([[0.0, 0.0, 0.1]]))
 
 
-def said_by_another_process() -> str:
-    """What `SMALL` prints: a library is loaded once by a process, so each look takes a new one."""
-    return subprocess.run([sys.executable, "-c", SMALL], check=True, capture_output=True, text=True, timeout=60).stdout
+def said_by_another_process(*folders: Path) -> list[str]:
+    """What `SMALL` prints for caches in some folders: a library is loaded once by a process, so a look takes a new one."""
+    command = [sys.executable, "-c", SMALL, *map(str, folders)]
+    return subprocess.run(command, check=True, capture_output=True, text=True, timeout=60).stdout.splitlines()
 
 
 def fake_compiler(folder: Path, script: str) -> Path:
@@ -92,7 +111,7 @@ def test_temporary_files_of_killed_builds_are_swept_and_those_of_others_stay(cac
 
 
 @needs_compiler
-def test_machine_code_equals_the_virtual_machine_to_the_last_bit(cache: Path, case: RobotGraph) -> None:
+def test_machine_code_equals_the_virtual_machine_to_the_last_bit(filled: Path, case: RobotGraph) -> None:
     problems = [built(case, native) for native in (False, True)]
     assert [problem.native for problem in problems] == [False, True]
     targets, draw, robot = targets_of(case.tracks).at(1), np.random.default_rng(0), case.robot
@@ -105,15 +124,12 @@ def test_machine_code_equals_the_virtual_machine_to_the_last_bit(cache: Path, ca
 
 @needs_compiler
 def test_clips_of_two_seconds_are_solved_by_machine_code_with_the_same_result(
-    cache: Path, monkeypatch: pytest.MonkeyPatch
+    filled: Path, case: RobotGraph, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    motion, robot = read_motion(SAMPLES / "wave.bvh").frames(0, 60), load_robot("op3")
-    graph = describe(motion, robot)
-    built(graph, native=True)  # kept from now on
-    compiled = retarget(motion, robot, balance="off").solution
-    monkeypatch.setattr(solve_module, "WORTH_COMPILING", len(graph) + 1)
-    interpreted = retarget(motion, robot, balance="off").solution
-    assert (compiled.native, interpreted.native) == (len(graph) >= 60, False)
+    compiled = solve_graph(case)
+    monkeypatch.setattr(solve_module, "WORTH_COMPILING", len(case) + 1)
+    interpreted = solve_graph(case)
+    assert (compiled.native, interpreted.native) == (len(case) >= 60, False)
     assert (compiled.trajectory.qpos == interpreted.trajectory.qpos).all()
 
 
@@ -151,7 +167,8 @@ def test_no_compiler_and_no_cache_leave_the_virtual_machine(
 
 @needs_compiler
 def test_processes_that_compile_at_once_all_get_whole_machine_code(cache: Path) -> None:
-    together = [subprocess.Popen([sys.executable, "-c", SMALL], stdout=subprocess.PIPE, text=True) for _ in range(4)]
+    command = [sys.executable, "-c", SMALL, str(cache.parent)]
+    together = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(3)]
     said = {process.communicate(timeout=60)[0] for process in together}
     robot, points = small()
     assert said == {f"{point_function(robot, points)(robot.standing())[0]}\n"}
@@ -188,24 +205,28 @@ SPOILED: dict[str, Callable[[Path], object]] = {
 
 
 @needs_compiler
-@pytest.mark.parametrize("how", SPOILED)
-def test_a_library_that_was_tampered_with_is_compiled_anew(cache: Path, how: str) -> None:
-    if "of another user" in how and os.geteuid() != 0:
-        pytest.skip("only root gives files away")
+def test_a_library_that_was_tampered_with_is_compiled_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     robot, points = small()
-    right = f"{point_function(robot, points)(robot.standing())[0]}\n"
-    assert said_by_another_process() == right
-    (library,) = cache.glob("*.so")
-    whole = library.read_bytes()
-    SPOILED[how](library)
-    assert said_by_another_process() == right
-    assert library.read_bytes() == whole
-    line = library.with_suffix(".so.sha256").read_text()
-    assert line == f"{hashlib.sha256(whole).hexdigest()}  {library.name}\n"
-    assert [(path.stat().st_uid, path.stat().st_mode & 0o777) for path in (cache, library)] == [
-        (os.geteuid(), 0o700),
-        (os.geteuid(), 0o600),
-    ]
+    function, libraries = point_function(robot, points), dict[str, Path]()
+    for how, spoil in SPOILED.items():
+        if "of another user" in how and os.geteuid() != 0:  # only root gives files away
+            continue
+        (tmp_path / how).mkdir()
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / how))
+        found = library_of(function)
+        assert found is not None
+        libraries[how], whole = found, found.read_bytes()
+        spoil(found)
+    said = said_by_another_process(*(tmp_path / how for how in libraries))
+    assert dict(zip(libraries, said, strict=True)) == dict.fromkeys(libraries, str(function(robot.standing())[0]))
+    for how, library in libraries.items():
+        assert library.read_bytes() == whole, how
+        line = library.with_suffix(".so.sha256").read_text()
+        assert line == f"{hashlib.sha256(whole).hexdigest()}  {library.name}\n", how
+        assert [(path.stat().st_uid, path.stat().st_mode & 0o777) for path in (library.parent, library)] == [
+            (os.geteuid(), 0o700),
+            (os.geteuid(), 0o600),
+        ], how
 
 
 @needs_compiler
@@ -239,7 +260,7 @@ def test_a_relative_cache_folder_is_ignored(tmp_path: Path, monkeypatch: pytest.
 
 @needs_compiler
 def test_a_build_is_loaded_without_building_until_its_code_or_kinds_change(
-    cache: Path, case: RobotGraph, monkeypatch: pytest.MonkeyPatch
+    filled: Path, case: RobotGraph, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first = built(case, native=True)
     monkeypatch.setattr(problem_module, "SymbolicRobot", None)  # nothing can be built any more
@@ -255,9 +276,8 @@ def test_a_build_is_loaded_without_building_until_its_code_or_kinds_change(
 
 
 @needs_compiler
-def test_a_list_of_libraries_that_was_tampered_with_leads_to_a_new_build(cache: Path, case: RobotGraph) -> None:
-    built(case, native=True)
-    for listing in cache.glob("*.libraries"):
+def test_a_list_of_libraries_that_was_tampered_with_leads_to_a_new_build(filled: Path, case: RobotGraph) -> None:
+    for listing in filled.glob("*.libraries"):
         listing.write_text("../elsewhere model")
     assert built(case, native=True).native
-    assert all("elsewhere" not in listing.read_text() for listing in cache.glob("*.libraries"))
+    assert all("elsewhere" not in listing.read_text() for listing in filled.glob("*.libraries"))
