@@ -50,6 +50,20 @@ class Skeleton:
             place[joint] += place[self.parents[joint]]
         return place
 
+    def posed(self, root: Floats, joints: Sequence[int], turns: Floats) -> tuple[Floats, Floats]:
+        """World positions (T, J, 3) and rotations (T, J, 4) of turned joints; the others keep their pose in their parent.
+
+        Args:
+            root: (T, 3) places of the root [m].
+            joints: indices of N joints.
+            turns: (T, N, 4) of these joints in their parents, unit w x y z.
+        """
+        translations = np.tile(self.offsets, (len(turns), 1, 1))
+        translations[:, 0] = root
+        local = np.tile([1.0, 0.0, 0.0, 0.0], (len(turns), len(self), 1))
+        local[:, list(joints)] = turns
+        return forward(self.parents, translations, local)
+
     def above(self, joint: int) -> tuple[int, ...]:
         """A joint and all that carry it, up to the root."""
         return tuple(path_to_root(self.parents, joint))

@@ -11,7 +11,7 @@ from robot_retarget.base.errors import MotionError
 from robot_retarget.base.keypoints import KEYPOINTS
 from robot_retarget.human.read import read_motion
 from robot_retarget.human.readers.bvh import read_bvh
-from robot_retarget.human.readers.positions import JOINT_SETS
+from robot_retarget.human.readers.positions import HUMANML3D
 from robot_retarget.human.recognition import recognise
 from robot_retarget.human.skeleton import sorted_tree
 
@@ -56,7 +56,7 @@ def test_24_joints_are_those_of_smpl(tmp_path, walk):
 @needs_shared
 def test_an_npz_may_say_everything_itself(tmp_path, walk):
     names = [f"n{k}" for k in range(22)]
-    parents = np.array(JOINT_SETS[0].parent_indices(JOINT_SETS[0].names))
+    parents = np.array(HUMANML3D.parent_indices(HUMANML3D.names))
     np.savez(tmp_path / "walk.npz", joints=walk, joint_names=names, parents=parents, fps=np.array([60]))
     motion = read_motion(tmp_path / "walk.npz")
     assert motion.skeleton.names == tuple(names)
@@ -68,10 +68,10 @@ def test_an_npz_may_say_everything_itself(tmp_path, walk):
 @needs_shared
 def test_joints_in_any_order_are_sorted_parents_first(tmp_path, walk):
     shuffle = np.random.default_rng(0).permutation(22)
-    parents = np.array(JOINT_SETS[0].parent_indices(JOINT_SETS[0].names))
+    parents = np.array(HUMANML3D.parent_indices(HUMANML3D.names))
     place = np.argsort(shuffle)
     moved = np.where(parents[shuffle] < 0, -1, place[parents[shuffle]])
-    names = np.array(JOINT_SETS[0].names)
+    names = np.array(HUMANML3D.names)
     np.savez(tmp_path / "walk.npz", positions=walk[:, shuffle], names=names[shuffle], parents=moved)
     motion = read_motion(tmp_path / "walk.npz")
     assert np.all(motion.skeleton.parents < np.arange(22))
@@ -84,7 +84,7 @@ def test_joints_in_any_order_are_sorted_parents_first(tmp_path, walk):
 @needs_shared
 def test_a_known_set_needs_no_parents_in_any_order(tmp_path, walk):
     shuffle = np.random.default_rng(1).permutation(22)
-    np.savez(tmp_path / "walk.npz", positions=walk[:, shuffle], names=np.array(JOINT_SETS[0].names)[shuffle])
+    np.savez(tmp_path / "walk.npz", positions=walk[:, shuffle], names=np.array(HUMANML3D.names)[shuffle])
     motion = read_motion(tmp_path / "walk.npz")
     found = {
         k: motion.skeleton.names[m.joints[0]] for k, m in recognise(motion.skeleton, motion.positions).marks.items()

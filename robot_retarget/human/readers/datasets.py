@@ -15,42 +15,21 @@ from robot_retarget.base.untrusted.documents import read_json
 from robot_retarget.base.untrusted.rotations import checked_quaternions
 from robot_retarget.human.capture import Capture, FileHeader, Request
 from robot_retarget.human.readers.points import of_points
-from robot_retarget.human.readers.positions import CONTACT, HUMANML3D
+from robot_retarget.human.readers.positions import CONTACT, HUMANML3D, SKELETONS
 from robot_retarget.human.readers.smpl import captured
-from robot_retarget.human.skeleton import Skeleton, forward
+from robot_retarget.human.skeleton import Skeleton
 
 # DeepMimic's motions: JSON frames of a duration, a root and the turns of a humanoid's joints in their parents.
 
-# Joint, its parent, its place in the parent [m] and the numbers of its turn: 4 a quaternion w x y z, 1 an angle about z,
-# 0 none. From the character file `humanoid3d` [Peng2018]: x ahead, y up, z to the right. The last three are the middle of
-# the head's sphere and the front ends of the feet's boxes, which the file has as shapes.
-_JOINTS: tuple[tuple[str, str, tuple[float, float, float], int], ...] = (
-    ("root", "", (0.0, 0.0, 0.0), 4),
-    ("chest", "root", (0.0, 0.236151, 0.0), 4),
-    ("neck", "chest", (0.0, 0.223894, 0.0), 4),
-    ("right_hip", "root", (0.0, 0.0, 0.084887), 4),
-    ("right_knee", "right_hip", (0.0, -0.421546, 0.0), 1),
-    ("right_ankle", "right_knee", (0.0, -0.409870, 0.0), 4),
-    ("right_shoulder", "chest", (-0.02405, 0.24350, 0.18311), 4),
-    ("right_elbow", "right_shoulder", (0.0, -0.274788, 0.0), 1),
-    ("left_hip", "root", (0.0, 0.0, -0.084887), 4),
-    ("left_knee", "left_hip", (0.0, -0.421546, 0.0), 1),
-    ("left_ankle", "left_knee", (0.0, -0.409870, 0.0), 4),
-    ("left_shoulder", "chest", (-0.02405, 0.24350, -0.18311), 4),
-    ("left_elbow", "left_shoulder", (0.0, -0.274788, 0.0), 1),
-    ("right_wrist", "right_elbow", (0.0, -0.258947, 0.0), 0),
-    ("left_wrist", "left_elbow", (0.0, -0.258947, 0.0), 0),
-    ("head", "neck", (0.0, 0.175, 0.0), 0),
-    ("right_toe", "right_ankle", (0.1335, -0.0225, 0.0), 0),
-    ("left_toe", "left_ankle", (0.1335, -0.0225, 0.0), 0),
-)
-_NAMES = tuple(name for name, *_ in _JOINTS)
+_JOINTS: dict[str, Any] = SKELETONS["deepmimic"]
+"""By name: parent, place in the parent [m] and the numbers of the turn, 4 a quaternion w x y z, 1 an angle about z, 0 none."""
+_NAMES = tuple(_JOINTS)
 SKELETON = Skeleton(
     _NAMES,
-    np.array([_NAMES.index(parent) if parent else -1 for _, parent, *_ in _JOINTS]),
-    np.array([place for _, _, place, _ in _JOINTS]),
+    np.array([_NAMES.index(parent) if parent else -1 for parent, *_ in _JOINTS.values()]),
+    np.array([place for _, *place, _ in _JOINTS.values()]),
 )
-DEEPMIMIC_WIDTH = 4 + sum(numbers for *_, numbers in _JOINTS)
+DEEPMIMIC_WIDTH = 4 + sum(numbers for *_, numbers in _JOINTS.values())
 """Numbers of a frame: its duration [s], the root's place [m], then the turns."""
 
 
@@ -69,18 +48,16 @@ def read_deepmimic(path: Path, request: Request) -> Capture:
     rows = _rows(path)
     turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(rows), len(_JOINTS), 1))
     column = 4
-    for joint, (name, _, _, numbers) in enumerate(_JOINTS):
+    for joint, (name, (*_, numbers)) in enumerate(_JOINTS.items()):
         values = rows[:, column : column + numbers]
         column += numbers
         if numbers == 4:
             turns[:, joint] = checked_quaternions(values, f"Frames, {name}")
         elif numbers == 1:
             turns[:, joint] = Rotation.from_euler("z", values).as_quat(scalar_first=True)
-    translations = np.tile(SKELETON.offsets, (len(rows), 1, 1))
-    translations[:, 0] = rows[:, 1:4]
-    positions, rotations = forward(SKELETON.parents, translations, turns)
+    posed = SKELETON.posed(rows[:, 1:4], range(len(_JOINTS)), turns)
     fps, notes = request.rate(_rate(rows[:, 0], path))
-    return Capture(SKELETON, positions, rotations, fps, str(path), notes, up="+y")
+    return Capture(SKELETON, *posed, fps, str(path), notes, up="+y")
 
 
 def _rows(path: Path) -> Floats:
@@ -150,8 +127,7 @@ def read_humanml3d(path: Path, request: Request) -> Capture:
         raise MotionError("the features are normalised: multiply by the data set's Std.npy and add its Mean.npy", path)
     fps, rate_notes = request.rate(usual=HUMANML3D_FPS)
     joints = humanml3d_positions(features)
-    names = tuple(HUMANML3D)
-    body = {name: (HUMANML3D[name] or "", joints[:, k]) for k, name in enumerate(names)}
+    body = {name: (parent, joints[:, k]) for k, (name, parent) in enumerate(HUMANML3D.parents.items())}
     notes = ("The file says when the feet stand: its contacts are taken.", *rate_notes)
     capture = of_points(body, fps, str(path), notes, up="+y")
     return replace(capture, contacts=features[:, 259:263] > CONTACT)
@@ -224,11 +200,8 @@ def parc_capture(motion: Mapping[str, Any], path: Path, request: Request) -> Cap
     root = shaped(motion["root_rot"], (len(place), 4), "root_rot")
     joints = shaped(motion["joint_rot"], (len(place), len(PARC_JOINTS) - 1, 4), "joint_rot")
     known = checked_quaternions(np.concatenate([root[:, None], joints], axis=1), "root_rot, joint_rot")
-    turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(place), len(_JOINTS), 1))
-    turns[:, [_NAMES.index(name) for name in PARC_JOINTS]] = known[..., [3, 0, 1, 2]]
     x, y, z = SKELETON.offsets.T
     skeleton = Skeleton(_NAMES, SKELETON.parents, np.stack([x, -z, y], axis=1))
-    translations = np.tile(skeleton.offsets, (len(place), 1, 1))
-    translations[:, 0] = place
+    posed = skeleton.posed(place, [_NAMES.index(name) for name in PARC_JOINTS], known[..., [3, 0, 1, 2]])
     fps, notes = request.rate(rate_of(motion))
-    return Capture(skeleton, *forward(skeleton.parents, translations, turns), fps, str(path), notes, up="+z")
+    return Capture(skeleton, *posed, fps, str(path), notes, up="+z")

@@ -5,8 +5,10 @@ of [Davis1991] from the outer one and a marker on the segment above; shoulders b
 acromia under them.
 """
 
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -16,39 +18,8 @@ SETS = (
     "Plug-in-Gait (LASI, LKNE, …), van Sint Jan's (L_IAS, L_FLE, …), CMU's (LFWT, LKNE, …), OpenSim's (R.ASIS, R.Knee.Lat, …) or OptiTrack's Baseline "
     "(WaistLFront, LKneeOut, …)"
 )
-# What markers are called in these sets, the side's letter in braces.
-LABELS: dict[str, tuple[str, ...]] = {
-    "front of the pelvis": ("{}ASI", "{}_IAS", "{}ASIS", "WAIST{}FRONT", "{}FWT"),
-    "back of the pelvis": ("{}PSI", "{}_IPS", "{}PSIS", "WAIST{}BACK", "{}BWT", "SACR", "VSACRAL"),
-    "outer knee": ("{}KNE", "{}_FLE", "{}KNEEOUT", "{}KNEELAT", "{}LFC", "{}KNEE"),
-    "inner knee": ("{}KNM", "{}MKNE", "{}KNEM", "{}_FME", "{}KNEEIN", "{}KNEEMED", "{}MFC"),
-    "thigh": ("{}THI", "{}THIGH"),
-    "outer ankle": ("{}ANK", "{}_FAL", "{}ANKLEOUT", "{}ANKLELAT", "{}LMAL", "{}ANKLE"),
-    "inner ankle": ("{}MED", "{}MANK", "{}ANKM", "{}_TAM", "{}ANKLEIN", "{}ANKLEMED", "{}MMAL"),
-    "shin": ("{}TIB", "{}SHIN"),
-    "toes": ("{}TOE", "{}TOETIP"),
-    "first toe": ("{}MT1", "{}_FM1"),
-    "fifth toe": ("{}MT5", "{}_FM5"),
-    "acromion": ("{}SHO", "{}_SAJ", "{}ACR", "{}SHOULDERTOP", "{}ACROMIUM", "{}SHOULDER"),
-    "outer elbow": ("{}ELB", "{}_HLE", "{}ELBOWOUT", "{}LEL", "{}ELBOW"),
-    "inner elbow": ("{}ELBM", "{}MELB", "{}_HME", "{}ELBOWIN", "{}MEL"),
-    "thumb's side of the wrist": ("{}WRA", "{}_RSP", "{}WRISTIN", "{}WRISTLAT", "{}FARADIUS", "{}WRIST"),
-    "little finger's side of the wrist": (
-        "{}WRB",
-        "{}_UHE",
-        "{}_USP",
-        "{}WRISTOUT",
-        "{}WRISTMED",
-        "{}FAULNA",
-        "{}WRIST",
-    ),
-    "front of the head": ("{}FHD", "{}_HDF", "HEADFRONT", "{}TEMPLE"),
-    "back of the head": ("{}BHD", "{}_HDB", "HEADSIDE"),
-    "breastbone's top": ("CLAV", "SNJ", "CHEST"),
-    "breastbone's end": ("STRN", "SXS", "STERNUM"),
-    "neck's lowest vertebra": ("C7", "CV7", "BACKTOP"),
-    "back": ("T10", "TV8"),
-}
+LABELS: dict[str, list[str]] = tomllib.loads(Path(__file__).with_name("markers.toml").read_text(encoding="utf-8"))
+"""What markers are called in these sets by their role, the side's letter in braces."""
 REQUIRED = (
     "front of the pelvis", "back of the pelvis", "outer knee", "outer ankle", "acromion", "outer elbow",
     "thumb's side of the wrist", "little finger's side of the wrist",

@@ -6,9 +6,12 @@ constant); names add to it.
 """
 
 import re
+import tomllib
 import unicodedata
 from dataclasses import dataclass, field, replace
 from itertools import combinations
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -20,42 +23,12 @@ from robot_retarget.human.skeleton import Skeleton
 # `LeftLeg` is the knee for one exporter and the hip for another, `LeftShoulder` a clavicle or an upper arm: a name speaks
 # for several parts, and tree and geometry decide between them.
 
-_SIDES = {
-    "l": {"left", "l", "lft", "lt", "links", "linke", "linker", "linkes", "gauche", "izquierda", "sinistra", "左"},
-    "r": {"right", "r", "rgt", "rt", "rechts", "rechte", "rechter", "rechtes", "droite", "derecha", "destra", "右"},
-}
-_SIDE_OF = {word: side for side, words in _SIDES.items() for word in words}
+WORDS: dict[str, Any] = tomllib.loads(Path(__file__).with_name("joint_names.toml").read_text(encoding="utf-8"))
+_SIDE_OF = {word: side for side, words in WORDS["sides"].items() for word in words}
 _GLUED_SIDE = re.compile(r"(left|right|[lr])(.{3,})", re.IGNORECASE)
 
-# The first line whose pattern is found in the name speaks.
-_PARTS: tuple[tuple[str, dict[str, float]], ...] = tuple(
-    (pattern, dict(parts))
-    for pattern, parts in (
-        (r"twist|roll|helper|hipjoint|buttock|metatars", {"helper": 1.0}),
-        (r"thumb|index|middle|ring|pinky|little|finger|carpal|daumen|doigt|dedo|指", {"finger": 1.0}),
-        (r"heel|calcan|ferse|talon", {"heel": 1.0}),
-        (r"toe|ball|zehe|orteil|つま先", {"toe": 1.0}),
-        (r"eye|jaw|ear$|tongue|hair|brow|lip|breast|weapon|prop|skirt|cloth", {"other": 1.0}),
-        (r"tail|schwanz|wing", {"tail": 1.0}),
-        (r"upleg|upperleg|thigh|femur|oberschenkel|cuisse|muslo", {"hip": 1.0}),
-        (r"lowleg|lowerleg|loleg|shin|calf|tibia|knee|knie|unterschenkel|genou|rodilla|ひざ", {"knee": 1.0}),
-        (r"forearm|lowarm|lowerarm|loarm|elbow|radius|ulna|unterarm|ellbogen|coude|codo|ひじ", {"elbow": 1.0}),
-        (r"collar|clav|schluesselbein|schlüsselbein", {"clavicle": 1.0}),
-        (r"uparm|upperarm|shldr|humerus|oberarm|腕", {"shoulder": 1.0}),
-        (r"shoulder|schulter|epaule|épaule|hombro|肩", {"shoulder": 0.6, "clavicle": 0.6}),
-        (r"wrist|handgelenk|poignet|muñeca|手首", {"hand": 1.0}),
-        (r"hand|main$|mano", {"hand": 0.9}),
-        (r"ankle|knöchel|cheville|tobillo|足首", {"ankle": 1.0}),
-        (r"foot|fuß|fuss|pied|^pie$", {"ankle": 0.8, "toe": 0.4}),
-        (r"leg|bein|jambe|pierna|足", {"hip": 0.6, "knee": 0.7}),
-        (r"arm|bras|brazo", {"shoulder": 0.8}),
-        (r"neck|hals|^cou$|cuello|首", {"neck": 1.0}),
-        (r"head|kopf|tête|tete|cabeza|skull|頭", {"head": 1.0}),
-        (r"pelvis|becken|bassin|下半身", {"pelvis": 1.0}),
-        (r"hip|hüfte|huefte|hanche|cadera", {"hip": 0.8, "pelvis": 0.5}),
-        (r"chest|thorax|torso|spine|brust|poitrine|pecho|abdomen|back|上半身", {"spine": 1.0}),
-    )
-)
+_PARTS: dict[str, dict[str, float]] = WORDS["parts"]
+"""The first pattern that is found in a name counts."""
 _TIP = re.compile(r"end|nub|top|tip|site")
 _PIECE = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[^\W\d_A-Z]+|\d+")
 
@@ -82,7 +55,7 @@ def name_evidence(name: str) -> NameEvidence:
     words = [word.lower() for run in _PIECE.findall(bare) for word in _unglued(run) if not word.isdigit()]
     side = next((_SIDE_OF[word] for word in words if word in _SIDE_OF), "")
     rest = "".join(word for word in words if word not in _SIDE_OF)
-    parts = next((parts for pattern, parts in _PARTS if re.search(pattern, rest)), {})
+    parts = next((parts for pattern, parts in _PARTS.items() if re.search(pattern, rest)), {})
     return NameEvidence(side, parts, bool(_TIP.search(rest)))
 
 
@@ -95,7 +68,7 @@ def _unglued(piece: str) -> tuple[str, ...]:
 
 
 def _starts_a_part(word: str) -> bool:
-    return any(re.match(pattern, word.lower()) for pattern, _ in _PARTS)
+    return any(re.match(pattern, word.lower()) for pattern in _PARTS)
 
 
 FRAMES = 120
