@@ -3,14 +3,12 @@
 Each register is (address, bytes, access, default, lowest, highest); signed where its lowest is negative.
 """
 
-import csv
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cache
 from numbers import Integral
-from pathlib import Path
 from typing import NamedTuple
 
-from robot_retarget.actuators.motors import MOTORS, MotorModel, motor_named
+from robot_retarget.actuators.motors import MOTORS, SERVOS, MotorModel, motor_named, read_table
 from robot_retarget.base.errors import ServoError
 
 CENTRE = 2048
@@ -76,15 +74,7 @@ class Register(NamedTuple):
         return int.from_bytes(data[: self.size], "little", signed=self.signed)
 
 
-def _read_table(path: Path) -> dict[str, Register]:
-    """Return the registers of a control table by name."""
-    with path.open(newline="", encoding="utf-8") as file:
-        _, *rows = csv.reader(file)
-    numbers = {name: [int(cell) for cell in cells] for name, *cells in rows}
-    return {name: Register(at, size, bool(rw), *bounds) for name, (at, size, rw, *bounds) in numbers.items()}
-
-
-XM430_W350 = _read_table(Path(__file__).with_name("xm430_w350.csv"))
+XM430_W350 = {row.pop("name"): Register(**row) for row in read_table("xm430_w350.csv")}
 """https://emanual.robotis.com/docs/en/dxl/x/xm430-w350/#control-table"""
 INDIRECT = ((168, 224, 28), (578, 634, 28))
 """Blocks of indirect addresses: first address register, first data byte, how many."""
@@ -96,15 +86,15 @@ class Model:
     """One servo type: model number and control table; `motor` has its torque and speed."""
 
     name: str
-    number: int
-    table: str = "xm"
+    table: str
     """`xm` with current control, `xl` without it (register 126 is the load, 0.1 %), `x330` for 5 V."""
-    current_unit: float = 2.69e-3
+    current_unit: float
     """[A]; 0 for a servo without current sensing."""
-    current_limit: int = 1193
-    velocity_limit: int = 200
-    fast_from: int | None = 45
-    """First firmware that knows the fast reads, or None."""
+    number: int
+    current_limit: int
+    velocity_limit: int
+    fast_from: int
+    """First firmware that knows the fast reads; 0 for none."""
 
     @property
     def motor(self) -> MotorModel:
@@ -121,33 +111,7 @@ class Model:
         return {"xm": (95, 160), "xl": (60, 140), "x330": (31, 70)}[self.table]
 
 
-# https://emanual.robotis.com/docs/en/dxl/x/ : each page's control table
-MODELS = {
-    model.name: model
-    for model in (
-        Model("XM430-W350", 1020),
-        Model("XM430-W210", 1030, velocity_limit=350),
-        Model("XH430-W350", 1000, current_limit=648),
-        Model("XH430-W210", 1010, current_limit=648),
-        Model("XM540-W270", 1120, current_limit=2047, velocity_limit=128),
-        Model("XM540-W150", 1130, current_limit=2047, velocity_limit=230),
-        Model("XL430-W250", 1060, table="xl", current_unit=0, velocity_limit=265),
-        Model("XC430-W150", 1070, table="xl", current_unit=0, velocity_limit=460),
-        Model("XC430-W240", 1080, table="xl", current_unit=0, velocity_limit=306),
-        Model("2XL430-W250", 1090, table="xl", current_unit=0, velocity_limit=250, fast_from=None),
-        Model("2XC430-W250", 1160, table="xl", current_unit=0, velocity_limit=250, fast_from=None),
-        Model(
-            "XL330-M077", 1190, table="x330", current_unit=1e-3, current_limit=1750, velocity_limit=1620, fast_from=46
-        ),
-        Model(
-            "XL330-M288", 1200, table="x330", current_unit=1e-3, current_limit=1750, velocity_limit=445, fast_from=46
-        ),
-        Model("XC330-T288", 1220, table="xm", current_unit=1e-3, current_limit=910, velocity_limit=320, fast_from=46),
-        Model(
-            "XC330-M288", 1240, table="x330", current_unit=1e-3, current_limit=2352, velocity_limit=350, fast_from=46
-        ),
-    )
-}
+MODELS = {row["name"]: Model(**{f.name: row[f.name] for f in fields(Model)}) for row in SERVOS}
 
 
 def model_named(name: str) -> Model:

@@ -5,8 +5,12 @@
 at the nominal voltage; another voltage scales what duty gives, not what speed takes away.
 """
 
-from dataclasses import dataclass
+import csv
+from contextlib import suppress
+from dataclasses import dataclass, fields
 from math import copysign, tau
+from pathlib import Path
+from typing import Any
 
 from robot_retarget.actuators.balance_tables import STANDARD_GRAVITY
 from robot_retarget.base.errors import ServoError, known
@@ -72,27 +76,23 @@ class MotorModel:
         return CONTINUOUS_SHARE * self.stall_current
 
 
-# https://emanual.robotis.com/docs/en/dxl/x/ : specifications and control table of each page
-MOTORS = {
-    motor.name: motor
-    for motor in (
-        MotorModel("XM430-W350", 4.1, 2.3, 4.82),
-        MotorModel("XM430-W210", 3.0, 2.3, 8.06),
-        MotorModel("XH430-W350", 3.4, 1.3, 3.14),
-        MotorModel("XH430-W210", 2.5, 1.3, 5.24),
-        MotorModel("XM540-W270", 10.6, 4.4, 3.14),
-        MotorModel("XM540-W150", 7.3, 4.4, 5.55),
-        MotorModel("XL430-W250", 1.5, 1.4, 6.39, p_gain=640, d_gain=4000),
-        MotorModel("XC430-W150", 1.6, 1.4, 11.1),
-        MotorModel("XC430-W240", 1.9, 1.4, 7.33),
-        MotorModel("2XL430-W250", 1.4, 1.3, 5.97, voltage=11.1),
-        MotorModel("2XC430-W250", 1.8, 1.4, 6.7, p_gain=700),
-        MotorModel("XL330-M077", 0.215, 1.47, 40.1, voltage=5.0, p_divisor=256),
-        MotorModel("XL330-M288", 0.52, 1.47, 10.8, voltage=5.0, p_divisor=256),
-        MotorModel("XC330-T288", 0.92, 0.8, 6.8, voltage=11.1, p_gain=900),
-        MotorModel("XC330-M288", 0.93, 1.8, 8.5, voltage=5.0),
-    )
-}
+def read_table(name: str) -> list[dict[str, Any]]:
+    """Return the rows of a table of this folder: texts and numbers by the heads of their columns."""
+    with Path(__file__).with_name(name).open(newline="", encoding="utf-8") as file:
+        heads, *rows = csv.reader(file)
+    return [dict(zip(heads, (cells[0], *map(_value, cells[1:])), strict=True)) for cells in rows]
+
+
+def _value(cell: str) -> int | float | str:
+    for kind in (int, float):
+        with suppress(ValueError):
+            return kind(cell)
+    return cell
+
+
+SERVOS = read_table("servos.csv")
+"""A servo a row, from the specifications and the control table of its page: https://emanual.robotis.com/docs/en/dxl/x/"""
+MOTORS = {row["name"]: MotorModel(**{f.name: row[f.name] for f in fields(MotorModel)}) for row in SERVOS}
 
 
 def motor_named(name: str) -> MotorModel:

@@ -126,7 +126,7 @@ class Link:
         self.ids: list[int] = list(servo_map.ids)
         firmware = [c.values["firmware_version"] for c in conditions]
         starts = [s.type.fast_from for s in servo_map.servos]
-        self.fast: bool = all(s is not None and f >= s for s, f in zip(starts, firmware, strict=True))
+        self.fast: bool = all(f >= s > 0 for s, f in zip(starts, firmware, strict=True))
         sign = np.array([s.sign for s in servo_map.servos])
         self._current_unit = sign * [s.type.current_unit for s in servo_map.servos]
         self._velocity_unit = sign * [VELOCITY_UNIT / s.gear for s in servo_map.servos]

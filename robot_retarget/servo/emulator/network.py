@@ -191,8 +191,7 @@ def _perform(device: Device, frame: DynamixelPacket) -> tuple[int, bytes]:
 
 def _fast(device: Device) -> bool:
     """Whether a device takes part in fast reads."""
-    start = device.model.fast_from
-    return start is not None and device.registers["firmware_version"] >= start
+    return device.registers["firmware_version"] >= device.model.fast_from > 0
 
 
 def _words(params: bytes) -> tuple[int, int]:
