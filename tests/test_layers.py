@@ -27,7 +27,7 @@ LAYERS = {
     "collision": {"trajectory", "robot", "scene"},
     "solver": {"contact", "trajectory", "robot", "human", "graph", "scores", "scene", "collision"},
     "papers": {"human", "graph"},
-    "judge": {"scores", "trajectory", "robot", "solver", "actuators", "collision", "scene"},
+    "judge": {"contact", "scores", "trajectory", "robot", "solver", "actuators", "collision", "scene"},
     "servo": {"actuators", "trajectory", "scene"},
     "formats": {"actuators", "trajectory", "human", "robot", "scene", "contact"},
     "edit": {"contact", "trajectory", "robot", "human", "graph", "solver", "formats", "judge", "scene"},

@@ -167,6 +167,7 @@ class ServoMap:
     robot: str
     servos: tuple[Servo, ...]
     baud: int = 1_000_000
+    """[1/s]: that of the bus in the configuration of the OP3, 1 Mbaud."""
     limits: Limits = field(default_factory=Limits)
     stop: Stop = field(default_factory=Stop)
     passive: tuple[str, ...] = ()

@@ -15,6 +15,7 @@ from robot_retarget.base.arrays import Floats, minimum_jerk
 from robot_retarget.base.choices import Balance
 from robot_retarget.base.errors import BalanceError, TrajectoryError, UsageError
 from robot_retarget.edit.sequence import Part
+from robot_retarget.edit.touchup import AROUND
 from robot_retarget.human.resample import at_frames
 from robot_retarget.human.robot_performer import performed
 from robot_retarget.judge.compensate import compensated
@@ -151,8 +152,6 @@ def _way_from_stand(path: Floats, robot: Robot, fps: float, seconds: float) -> F
 
 REST = 0.5
 """The motion comes to rest along its path within this time [s]: from 4 rad/s, a servo slows down by 8 rad/s²."""
-RUN_UP = 0.5
-"""The motion before a moment that is solved with its branch [s]: stances need it."""
 HANDOVER = 0.2
 """The goals of a branch begin at most this time before a moment, at the row nearest to those of the playback [s]."""
 SAME = 0.05
@@ -195,7 +194,7 @@ def _branch(part: Part, robot: Robot, frame: int) -> Trajectory:
     Raises:
         BalanceError: no stand can be reached from there.
     """
-    trajectory, run_up = part.trajectory, min(frame, round(RUN_UP * part.motion.fps))
+    trajectory, run_up = part.trajectory, min(frame, round(AROUND * part.motion.fps))
     frames = coming_to_rest(frame, run_up, trajectory.fps)
     motion = at_frames(part.motion, frames, trajectory.fps)
     result = carried(motion, robot, legs="follow", balance=cast(Balance, trajectory.balance))

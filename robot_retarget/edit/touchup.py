@@ -33,7 +33,7 @@ from robot_retarget.solver.sqp import FrameSolver
 from robot_retarget.trajectory import Trajectory
 
 AROUND = 0.5
-"""Least time before and after an edge that is solved with it [s]."""
+"""Least time before and after an edge, or before a branch, that is solved with it [s]: stances need it."""
 FADING = 0.25
 """Time after that, in which the change fades out [s]."""
 MISSED = 1.0

@@ -35,8 +35,8 @@ from robot_retarget.scene import Scene, read_scene
 MOST_FPS = REFERENCE_FPS
 """Default upper limit of the rate of a described motion [1/s]."""
 PLAUSIBLE_FPS = (5.0, 120.0)
-"""Accepted rates in addition to the motion's own [1/s]: below, limb swings fall between frames; above, frames are
-interpolated, as playback does anyway."""
+"""Accepted rates in addition to the motion's own [1/s]; others are mistakes: below, limb swings fall between frames; above,
+frames are interpolated, as playback does anyway."""
 
 
 @dataclass(frozen=True, eq=False)

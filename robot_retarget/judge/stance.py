@@ -11,6 +11,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from robot_retarget.base.arrays import Bools, Floats, intervals
+from robot_retarget.contact.touch import BRIEF
 from robot_retarget.judge.bodies import SimulatedBodies
 from robot_retarget.judge.plant import Plant
 from robot_retarget.judge.playback import Rollout
@@ -129,8 +130,6 @@ def _least(margin: Floats) -> float | None:
 
 # Contacts with bodies that a simulation keeps: those of the plan, link by link, and when one is missing.
 
-BRIEF = 0.2
-"""A plan passes bodies in shorter touches [s]."""
 LATE = 0.15
 """A contact may begin and end later or earlier than planned by this time [s]."""
 

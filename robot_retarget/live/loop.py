@@ -13,6 +13,7 @@ from robot_retarget.base.errors import MatchError
 from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.live.frame import Fault, Frame
 from robot_retarget.live.receiver import FrameSource
+from robot_retarget.solver.options import RealTime
 from robot_retarget.solver.stream import StreamPose as LivePose
 
 
@@ -35,7 +36,7 @@ class Patience:
     """Bounds of that time [s]."""
     noted: float = 0.1
     """Shortest pause that is counted and reported [s]."""
-    rate: float = 60.0
+    rate: float = RealTime.steps
     """Rate of poses during a silence [1/s]."""
 
 

@@ -116,6 +116,7 @@ TRACKING = 3
 Local = tuple[Place, Turn]
 """A place [m] and a turn w x y z."""
 STANDING: Local = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
+"""Place and turn of a device that stands at the origin, of the protocol."""
 
 
 class _Whole(NamedTuple):

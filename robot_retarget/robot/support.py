@@ -113,6 +113,7 @@ def sole_corners(anatomy: Anatomy, foot: str) -> Points:
 
 
 UP = (0.0, 0.0, 1.0)
+"""z, as in MuJoCo's worlds."""
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,9 @@ BLOCK = 32
 WITHIN = 1e-5
 """A bound or row counts as satisfied if it is missed by no more: the solver's own 1e-6 applies to rows scaled by the
 Hessian."""
-EXACT = 1e-7
-"""A row that was left out counts as satisfied if it is missed by no more: the result must not depend on what was left out."""
+EXACT = WITHIN / 100
+"""A row that was left out counts as satisfied if it is missed by no more, a hundredth of `WITHIN`: the result must not depend
+on what was left out."""
 BUILDS = 16
 """Number of builds that a process keeps, of some megabytes each: a clip takes two, and building takes .2 s of a clip's 1 to 2 s."""
 FEW = 24

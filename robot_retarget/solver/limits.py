@@ -39,7 +39,7 @@ def targets_of(tracks: Sequence[Track]) -> Targets:
 
 
 UNBOUNDED = 1e6
-"""Speed of a joint without a speed edge [rad/s]."""
+"""Speed of a joint without a speed edge [rad/s]: 1e5 times that of a brisk servo."""
 
 
 @dataclass(frozen=True, eq=False)

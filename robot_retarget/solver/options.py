@@ -13,7 +13,7 @@ class Windows:
     """The lengths of the windows of a clip."""
 
     length: float = 20.0
-    """Length of a window [s]; a clip that is little longer stays whole."""
+    """Length of a window [s]; a clip that is little longer stays whole. It holds 600 frames at 30 a second, of 0.1 MB each."""
     kept: float = 1.0
     """Part of the window before that is fixed at the start of the next [s]."""
     foreseen: float = 1.0

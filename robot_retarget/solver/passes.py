@@ -14,14 +14,12 @@ from robot_retarget.solver.limits import Differences, JointBounds, Targets, targ
 from robot_retarget.solver.options import Smoothing
 from robot_retarget.solver.quadratic import Proximal
 from robot_retarget.solver.smooth import smooth_offsets, within_speeds
+from robot_retarget.solver.solution import UNMET
 from robot_retarget.solver.sqp import FrameSolver
 
 ROUNDS = 3
 """Rounds in which frames with interpenetrating links are solved again: a frame that clears one link may meet
 another."""
-
-LOOSE = 5e-4
-"""A hard edge that misses its interval by more is solved again [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,7 +223,7 @@ def _hard_edges_met(clip: ClipProblem, poses: list[FrameSolution], proximal: Pro
         missed = clip.solver.problem.missed(_qpos(poses), clip.all_targets)
         falls = missed < before
         near = falls | np.append(falls[1:], False) | np.append(False, falls[:-1])
-        missing = np.flatnonzero((missed > LOOSE) & near)
+        missing = np.flatnonzero((missed > UNMET / 2) & near)
         missing, before = missing[missing >= clip.fixed], missed
         if not missing.size:
             break

@@ -39,7 +39,7 @@ such hinges the second pose has reached the first [-] ..."""
 GIVE = 0.1
 """... and may deviate from their curve by this share of it, so that the other targets keep their effect [-]."""
 ROUNDING = 0.99
-"""Each frame takes one step when frames arrive at the step rate, whatever the last digit of their times [-]."""
+"""Each frame takes one step when frames arrive at the step rate, whatever the rounding of their times [-]."""
 
 
 @dataclass(eq=False)
@@ -229,7 +229,7 @@ def follower(options: RealTime, seconds: float) -> tuple[float, float]:
 # Fixed-lag smoothing: a pose is returned some frames late, moved to the smooth path through the frames after it.
 
 GIVEN = 3
-"""Number of returned poses that fix the start of the path: third differences span no more."""
+"""Number of returned poses that fix the start of the path: third differences span 3 more than the frame."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,9 +10,9 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 from robot_retarget.base.arrays import Floats
 
 DECIMALS = 9
-"""Stiffnesses that agree in these decimals share one banded system."""
+"""Stiffnesses that agree in these decimals, but for rounding, share one banded system."""
 HIGHEST = 3
-"""Order of the differences that are smooth."""
+"""Order of the differences that are smooth: those of the jerk, 3."""
 
 
 def smooth_offsets(

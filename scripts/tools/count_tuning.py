@@ -19,13 +19,21 @@ from itertools import pairwise
 from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parents[2] / "robot_retarget"
-MOST = 359
+MOST = 333
 """Numbers without a source; a change that adds one removes or explains another, and one that explains more lowers this number."""
-FACTS = ("papers/", "formats/", "tools/", "servo/protocol.py", "servo/emulator/registers.py", "base/untrusted/")
+FACTS = (
+    "papers/",
+    "formats/",
+    "tools/",
+    "servo/protocol.py",
+    "servo/emulator/registers.py",
+    "base/untrusted/",
+    "actuators/control_tables.py",
+)
 """Folders and modules that hold facts alone: papers, file formats, pictures and pages, registers, limits of files."""
 FACT = re.compile(
     r"[Bb]ytes|\[B\]|[Aa]ddress|[Bb]its? |[Cc]olumns|Colour|[Ii]ndex|[Rr]egister|[Ff]ormat|[Pp]rotocol|Linux|unit|units|"
-    r"Largest slope|[Kk]eypoint|[Rr]ounding|Contact type|frame and|One frame|definition|data set"
+    r"Largest slope|[Kk]eypoint|[Rr]ounding|Contact type|frame and|A frame, |One frame|definition|data set"
 )
 BOUND = re.compile(r"mistake|refused|is no rotation|is none|damage|progress counts|listed|believed")
 SOURCE = re.compile(

@@ -35,7 +35,9 @@ class WriteLog:
 
     goals: int = 0
     lowest_goal: int = 1 << 31
+    """Goals [ticks], of which none are written yet: the bounds of their format."""
     highest_goal: int = -(1 << 31)
+    """As `lowest_goal`."""
     largest_step: int = 0
     """Between a goal and the present position, at goals with torque on and at torque on [ticks]."""
     settled: float = 0.0

@@ -58,7 +58,7 @@ class EmulatedMotor:
     weight: float = 0.0
     """Torque of a pendulum's weight when it is horizontal [N m]."""
     hanging: float = 2048.0
-    """Where the pendulum hangs [ticks]."""
+    """Where the pendulum hangs [ticks]: 2048 is the middle of the turn."""
     gear: float = 1.0
     """Turns of the shaft for one of the pendulum."""
     jammed: bool = False

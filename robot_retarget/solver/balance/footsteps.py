@@ -13,7 +13,7 @@ from scipy.ndimage import uniform_filter1d
 
 from robot_retarget.base.arrays import Floats, intervals, leftward, smoothstep, unit
 from robot_retarget.base.errors import BalanceError
-from robot_retarget.contact.rule import over_lowest, without_flicker
+from robot_retarget.contact.rule import ContactRule, over_lowest, without_flicker
 from robot_retarget.graph.soles import flattened, laid, lengths
 from robot_retarget.scene.geoms import SolidGround, filled
 
@@ -33,7 +33,7 @@ class StepRule:
     """... and lower than this stands, regardless of the human's label."""
     flight: float = 0.12
     """A longer time without a foot on the floor, with both feet higher than `lift` in between, is a jump [s]."""
-    lift: float = 0.12
+    lift: float = ContactRule.high
     """A foot lifted less ..."""
     travel: float = 0.3
     """... and with all corners put down nearer to their last stance stays planted."""
