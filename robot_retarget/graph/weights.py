@@ -12,9 +12,8 @@ PRESETS: dict[Preset, dict[str, float]] = {
     "directions": {"near": 1 / BLEND, "far": 1 / BLEND},
     "balanced": {},
     "distances": {"near": BLEND, "far": BLEND},
-    "tracker": {"smooth": 2.0, "jerk": 2.0},
 }
-"""Factors of weights, relative to the balanced blend [-]; `tracker` lowers the root's jerk from 59 to 49 m/s³ over 12 clips on the G1."""
+"""Factors of weights, relative to the balanced blend [-]."""
 LEG = 8.0
 """Directions of thigh and shin [-]."""
 ARM = 2.0
@@ -100,8 +99,8 @@ class Weights:
         """Multiply the weights by the factors of a preset.
 
         Args:
-            preset: `directions` (of limbs, like the human's), `distances` (between parts, like the human's), `tracker`
-                (smoother, for a policy that tracks the reference) or `balanced` (no change): a key of `PRESETS`.
+            preset: `directions` (of limbs, like the human's), `distances` (between parts, like the human's) or `balanced`
+                (no change): a key of `PRESETS`.
 
         Returns:
             The weights; all other weights are unchanged.

@@ -60,7 +60,9 @@ def with_placo(clone: Path, gmr: Any, targets: list[Any]) -> float:
         solver.enable_joint_limits(True)
         tasks = [solver.add_frame_task(task.frame_name, aim) for task, aim in zip(given, aims, strict=True)]
         for task, theirs in zip(tasks, given, strict=True):
-            task.configure(theirs.frame_name, "soft", *(float(cost[0] ** 2) for cost in (theirs.cost[:3], theirs.cost[3:])))
+            task.configure(
+                theirs.frame_name, "soft", *(float(cost[0] ** 2) for cost in (theirs.cost[:3], theirs.cost[3:]))
+            )
         solver.add_regularization_task(1e-4)
         solvers.append((solver, tasks))
 
@@ -114,8 +116,7 @@ def main() -> None:
     if given.peers:
         print("\n" + json.dumps(peers(given.gmr, *cases[0])))
         return
-    sha = importlib.metadata.version("mujoco")
-    print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores, mujoco {sha}\n")
+    print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores, mujoco {importlib.metadata.version('mujoco')}\n")
     print("| case | frames | solver | frames/s | × GMR |\n|---|---|---|---|---|")
     for case, words in zip(cases, given.cases, strict=True):
         command = [given.python, __file__, "--gmr", given.gmr, "--cases", words, "--peers"]

@@ -83,7 +83,7 @@ def _corners(model: mujoco.MjModel, geom: int) -> tuple[Floats, float]:
 def self_collisions(urdf: Path, qpos: Floats) -> Floats:
     """Return the depth (T,) of the deepest self-collision of the cylinders [m]."""
     spec = mujoco.MjSpec.from_file(str(urdf))
-    spec.meshdir, spec.compiler.fusestatic, spec.compiler.discardvisual = str(urdf.parent / "meshes"), False, False
+    spec.meshdir = str(urdf.parent / "meshes")
     pelvis = spec.body("pelvis")
     if not pelvis.joints:
         pelvis.add_freejoint()

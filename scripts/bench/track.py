@@ -2,7 +2,7 @@
 """Run frozen tracking policies on references, and print their falls and the motion as executed.
 
     python scripts/bench/track.py --policies twist2_1017_20k.onnx twist2_1017_25k.onnx --robot unitree_g1.xml --repos CLONES
-    python scripts/bench/track.py … --presets balanced tracker --others gmr=FOLDER --correlate
+    python scripts/bench/track.py … --presets balanced directions --others gmr=FOLDER --correlate
 
 Policies are any that `simulate --policy` reads; those of the results are `assets/ckpts/twist2_1017_{20k,25k}.onnx` of amazon-far/TWIST2 at
 d5c7108e. Clips are those of `track_clips.csv`, with repository, commit, path and frames; CLONES holds `owner+name` of each repository. Every
@@ -23,6 +23,7 @@ import numpy as np
 from scipy.stats import spearmanr
 
 import robot_retarget as rr
+from robot_retarget.edit.cuts import between_stands
 from robot_retarget.judge.policy_files import read_policy
 from robot_retarget.judge.rollout import Followed, followed
 
@@ -55,15 +56,17 @@ def main() -> None:
     parser.add_argument("--presets", nargs="*", default=["balanced"])
     parser.add_argument("--others", nargs="*", default=[], metavar="NAME=FOLDER")
     parser.add_argument("--draws", type=int, default=1)
+    parser.add_argument("--stand", type=float, default=1.0, help="ways from and into the robot's stand [s]")
     parser.add_argument("--correlate", action="store_true")
     given = parser.parse_args()
     robot, policies = rr.load_robot(given.robot), [read_policy(path) for path in given.policies]
     runs: list[Run] = []
     for maker, name, trajectory, motion in references(given, robot):
         figures = dict(rr.score(trajectory, robot, motion).figures)
+        whole = between_stands(trajectory, robot, given.stand)
         for policy in policies:
-            found = followed(trajectory, robot, policy, given.draws, name)
-            limbs = float(rr.score(found.executed, robot, motion).figures["limb_deg_mean"] or np.nan)
+            found = followed(whole, robot, policy, given.draws, name)
+            limbs = limbs_of(found.executed, trajectory, robot, motion)
             runs.append(Run(maker, found, limbs, figures))
             fell = ", ".join("up" if fall is None else f"{fall:.1f} s" for fall in found.falls)
             print(
@@ -106,11 +109,21 @@ def clips(repos: Path, only: list[str] | None) -> Iterator[tuple[str, rr.Motion]
         yield line["clip"], motion.frames(int(line["first"]), min(int(line["last"]), len(motion)))
 
 
+def limbs_of(executed: rr.Trajectory, reference: rr.Trajectory, robot: rr.Robot, motion: rr.Motion) -> float:
+    """Return the mean angle between the limbs as executed and the human's, without the ways from and into the stand [deg]."""
+    first, last = reference.source_time[[0, -1]]
+    inside = np.flatnonzero((executed.source_time > first) & (executed.source_time < last))
+    if inside.size < 2:
+        return np.nan
+    cut = executed.altered(qpos=executed.qpos[inside], source_time=executed.source_time[inside])
+    return float(rr.score(cut, robot, motion).figures["limb_deg_mean"] or np.nan)
+
+
 def row(maker: str, runs: list[Run]) -> str:
     """Return a line of the table."""
     falls, worlds = sum(run.found.fallen for run in runs), sum(len(run.found.falls) for run in runs)
     jerk, outside = (np.mean([run.reference[name] for run in runs]) for name in ("root_jerk", "zmp_out_pct"))
-    limbs, joints = np.mean([run.limbs for run in runs]), np.mean([run.found.error for run in runs])
+    limbs, joints = np.nanmean([run.limbs for run in runs]), np.mean([run.found.error for run in runs])
     return f"| {maker} | {falls} of {worlds} | {limbs:.2f}° | {joints:.3f} rad | {jerk:.0f} m/s³ | {outside:.1f} % |"
 
 

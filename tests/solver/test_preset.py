@@ -1,6 +1,5 @@
 """Presets of the weights: `directions` and `distances` lower their own error, `balanced` changes nothing."""
 
-import numpy as np
 import pytest
 
 from robot_retarget.base.errors import UsageError
@@ -14,26 +13,24 @@ from robot_retarget.tools.summary import describe_solution
 
 def test_the_balanced_preset_changes_no_weight() -> None:
     assert Weights().with_preset("balanced") == Weights()
-    assert list(PRESETS) == ["directions", "balanced", "distances", "tracker"]
+    assert list(PRESETS) == ["directions", "balanced", "distances"]
 
 
 def test_each_preset_lowers_the_error_that_it_favours() -> None:
     """At minima of  f π + r  the loss f falls and the rest r grows with π."""
     motion, robot = read_motion(SAMPLES / "walk.bvh").frames(0, 60), load_robot("op3")
-    distances, rest, jerk = [], [], []
+    distances, rest = [], []
     for preset, factors in PRESETS.items():
         solution = retarget(motion, robot, fps=15, preset=preset, balance="off").solution
         posture = solution.stress["posture"].mean()
         distances.append(posture / factors.get("near", 1.0))
         rest.append(solution.cost.mean() - posture)
-        jerk.append((np.diff(solution.trajectory.angles, 3, axis=0) ** 2).mean())
-    assert jerk[3] < 0.8 * jerk[1]
     assert distances[0] > 1.02 * distances[1] > 1.02**2 * distances[2]
     assert rest[0] < 0.98 * rest[1] < 0.98**2 * rest[2]
 
 
 def test_an_unknown_preset_lists_the_known_ones() -> None:
-    with pytest.raises(UsageError, match=r"'angles'; known: directions, balanced, distances, tracker"):
+    with pytest.raises(UsageError, match=r"'angles'; known: directions, balanced, distances"):
         Weights().with_preset("angles")  # pyright: ignore[reportArgumentType]
 
 
