@@ -14,6 +14,7 @@ from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot, recognise, world_points
 from robot_retarget.robot.kinematics import difference
 from robot_retarget.solver.pipeline import retarget
+from robot_retarget.trajectory import Trajectory
 
 OP3 = load_robot("op3")
 WANDER = wander(OP3, frames=60)
@@ -57,17 +58,21 @@ def test_a_trajectory_of_another_robot_is_not_mirrored() -> None:
         mirrored(other, OP3)
 
 
-SQUAT = retarget(read_motion(SAMPLES / "squat.bvh").frames(10, 50), OP3, legs="follow", balance="off").trajectory
+@pytest.fixture(scope="module")
+def squat() -> Trajectory:
+    return retarget(read_motion(SAMPLES / "squat.bvh").frames(10, 50), OP3, legs="follow", balance="off").trajectory
 
 
 @pytest.mark.parametrize("seconds", [0.3, 1.0])
-def test_a_trajectory_between_stands_is_itself_between_smooth_ways_from_the_standing_pose(seconds: float) -> None:
-    whole = between_stands(SQUAT, OP3, seconds)
-    begin = int(np.searchsorted(whole.source_time, SQUAT.source_time[1])) - 1
-    inner = slice(begin, begin + len(SQUAT))
-    np.testing.assert_array_equal(whole.qpos[inner], SQUAT.qpos)
-    np.testing.assert_array_equal(whole.source_time[inner], SQUAT.source_time)
-    assert min(begin, len(whole) - inner.stop) >= round(seconds * SQUAT.fps)
+def test_a_trajectory_between_stands_is_itself_between_smooth_ways_from_the_standing_pose(
+    squat: Trajectory, seconds: float
+) -> None:
+    whole = between_stands(squat, OP3, seconds)
+    begin = int(np.searchsorted(whole.source_time, squat.source_time[1])) - 1
+    inner = slice(begin, begin + len(squat))
+    np.testing.assert_array_equal(whole.qpos[inner], squat.qpos)
+    np.testing.assert_array_equal(whole.source_time[inner], squat.source_time)
+    assert min(begin, len(whole) - inner.stop) >= round(seconds * squat.fps)
     stand = OP3.standing()[OP3.qpos_index]
     for end in (0, -1):
         np.testing.assert_allclose(whole.qpos[end, OP3.qpos_index], stand, atol=1e-12)
@@ -81,7 +86,7 @@ def test_a_trajectory_between_stands_is_itself_between_smooth_ways_from_the_stan
     assert np.abs(soles[ends, :, 2].min(axis=1)).max() < 0.003
 
 
-def test_ways_that_take_no_time_change_nothing_and_negative_times_are_refused() -> None:
-    assert between_stands(SQUAT, OP3, 0) is SQUAT
+def test_ways_that_take_no_time_change_nothing_and_negative_times_are_refused(squat: Trajectory) -> None:
+    assert between_stands(squat, OP3, 0) is squat
     with pytest.raises(UsageError, match="got -1"):
-        between_stands(SQUAT, OP3, -1)
+        between_stands(squat, OP3, -1)

@@ -163,6 +163,24 @@ def test_a_kind_of_one_small_class_is_shown_weighed_and_solved_with() -> None:
     assert levels[0] > 0.1 and levels[0] > levels[1] > levels[2] and levels[2] < 0.01
 
 
+@pytest.mark.parametrize(("kind", "order"), [("smoothness", 2), ("jerk", 3)])
+def test_a_smooth_motion_costs_as_much_a_frame_at_every_rate(kind: str, order: int) -> None:
+    """A frame costs κ (Δᵏx / scale)², and Δᵏx of a smooth motion is its k-th derivative over fpsᵏ."""
+    motion, robot, costs = read_motion(SAMPLES / "wave.bvh").frames(0, 20), load_robot("op3"), []
+    for fps in (15.0, 30.0, 60.0):
+        track = describe(motion, robot, fps=fps).kinds[kind]
+        costs.append(track.priority.max(axis=0) / (track.scale * fps**order) ** 2)
+    np.testing.assert_allclose(costs, np.tile(costs[1], (3, 1)), rtol=1e-9)
+
+
+def test_squares_of_the_root_count_by_their_weights_beside_those_of_hinges() -> None:
+    graph = describe(read_motion(SAMPLES / "wave.bvh").frames(0, 3), load_robot("op3"))
+    track, weights = graph.kinds["smoothness"], graph.weights
+    counted = dict(zip([end for end, _ in track.ends], track.scale**-2.0, strict=True))
+    root = {f"root {k}": weights.smooth_root if k < 3 else weights.smooth_turn for k in range(6)}
+    assert counted == pytest.approx(dict.fromkeys(graph.robot.joint_names, 1.0) | root)
+
+
 def test_kinds_that_the_bodies_do_not_have_are_left_out() -> None:
     graph = describe(read_motion(SAMPLES / "wave.bvh").frames(0, 6), load_robot("op3"), kinds=(KINDS[0], MassKind()))
     assert [track.name for track in graph.tracks] == ["posture"]
