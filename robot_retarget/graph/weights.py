@@ -28,18 +28,22 @@ REFERENCE_FPS = 30.0
 
 @dataclass(frozen=True)
 class Weights:
-    """π of every kind, checked; one set for all clips and robots. Errors are dimensionless: over a path, a leg, or of unit vectors."""
+    """π of every kind, checked; one set for all clips and robots. Errors are dimensionless: over a path, a leg, or of unit vectors.
+
+    In brackets: the mean angle [°] of the limbs to the human's in a clap and a kick on the G1 with half and with double of a
+    weight; it is 4.61° as they are.
+    """
 
     near: float = 60.0
-    """Distances between nearby keypoints, over the path between them ..."""
+    """Distances between nearby keypoints, over the path between them (4.46, 4.92) ..."""
     far: float = 17.0
-    """... and between distant ones; the sum over a frame, over the number of keypoints."""
+    """... and between distant ones; the sum over a frame, over the number of keypoints (4.32, 5.20)."""
     reach: float = NEAR
     """Two keypoints at this share of the path between them are half near [-]."""
     huber_delta: float = 0.028
-    """Errors of distances well above this count linearly, those below it by their square [-]."""
+    """Errors of distances well above this count linearly, those below it by their square [-] (4.18, 5.09)."""
     touch: float = 2000.0
-    """A hand and the part it touches, in addition to their distance."""
+    """A hand and the part it touches, in addition to their distance (4.50, 4.69)."""
     bones: dict[str, float] = field(
         default_factory=lambda: {
             "knee": LEG,
@@ -54,15 +58,15 @@ class Weights:
     )
     """Directions of the bones that end in a keypoint; clavicles and hip bones only mirror how a body is built."""
     hips: float = 20.0
-    """Direction of the hip line, which is the heading of the body."""
+    """Direction of the hip line, which is the heading of the body (4.57, 4.66)."""
     shoulders: float = 3.0
-    """Direction of the shoulder line."""
+    """Direction of the shoulder line (4.62, 4.61; the largest twist is 6.6 and 3.2°)."""
     orientation: float = 0.3
     """Forward and up of pelvis, chest, head and hands ..."""
     foot: float = 0.1
     """... and of feet."""
     path: float = 4.0
-    """The pelvis on its path, over the leg."""
+    """The pelvis on its path, over the leg (4.61, 4.61)."""
     rest: float = 0.0004
     """Joints as the robot stands [1/rad²] ..."""
     wrist: float = 0.1

@@ -203,8 +203,8 @@ def foot_axes(knee: Floats, ankle: Floats, toe: Floats) -> Floats:
 # is levelled if its neck leans otherwise than the robot's.
 
 LEVEL = {"trunk": 0.1, "end": 0.6}
-"""Axes of a joint within this angle of those of an upright segment are replaced by them: of pelvis and chest, and of head
-and hands, which clips may show bent throughout [rad]."""
+"""Axes of a joint within this angle of those of an upright segment are replaced by them: of pelvis and chest, and of head and
+hands, which clips may show bent throughout [rad]. Half and double change the axes in 6 and 7 of 13 exporters' clips."""
 
 
 def segment_constants(

@@ -45,11 +45,12 @@ class UpAxisRule:
     airborne: float = JOINTS.flight
     """Duration of a flight that counts fully [s]."""
     free: float = 0.25
-    """Share of gravity by which the acceleration of a free fall may differ from it [-]."""
+    """Share of gravity by which the acceleration of a free fall may differ from it [-]. Half and double change none of 13
+    exporters' clips."""
     doubt: float = 2.3
     """A lead over the second best axis below this is reported: odds of less than 10 to 1."""
     tie: float = 0.2
-    """A lead below this is a tie."""
+    """A lead below this is a tie. Half and double change none of 13 exporters' clips."""
 
 
 @dataclass(frozen=True)

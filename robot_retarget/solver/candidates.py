@@ -31,9 +31,6 @@ DEEP = 0.02
 """Links that are deeper in each other on the way between two moments pass through each other, over the leg [-]. With 0, four
 clips cost the same on the G1 and 0.99 of it on the OP3."""
 
-PASSING = 0.3
-"""Links pass through each other only where a hinge turns by more between two moments [rad]."""
-
 SHARES = (0.2, 0.4, 0.6, 0.8)
 """Shares of the way between two moments at which overlaps are measured [-]."""
 
@@ -142,14 +139,10 @@ class Candidates:
 
     def _depths(self, before: Floats, after: Floats) -> Floats:
         """Return the overlaps of links (N, S) at `SHARES` of the ways between configurations (N, nq), over the leg [-]."""
-        robot, found = self.solver.robot, np.zeros((len(before), len(SHARES)))
-        way = difference(robot, before, after)
-        far = np.abs(way[:, robot.dof_index]).max(axis=1, initial=0.0) > PASSING
-        if far.any():
-            every = np.repeat(before[far], len(SHARES), axis=0)
-            turned = (way[far][:, None] * np.array(SHARES)[:, None]).reshape(len(every), -1)
-            found[far] = self.solver.costs.overlap(integrate(robot, every, turned)).reshape(-1, len(SHARES))
-        return found / self.solver.leg
+        robot, every = self.solver.robot, np.repeat(before, len(SHARES), axis=0)
+        turned = difference(robot, before, after)[:, None] * np.array(SHARES)[:, None]
+        depths = self.solver.costs.overlap(integrate(robot, every, turned.reshape(len(every), -1)))
+        return depths.reshape(-1, len(SHARES)) / self.solver.leg
 
     def _viterbi(self, changes: list[Floats]) -> list[int]:
         """Return Viterbi's path, a pose per moment: the least sum of the moments' costs and of the changes between them."""

@@ -106,7 +106,8 @@ class Search:
     """Two poses count as the same if all their hinges lie nearer than this [rad]. Half and double change the costs of a clap
     and a kick on the G1 and the OP3 by less than 0.1 %."""
     held: float = 0.03
-    """Weight that draws a pose to that of the moment before when it is followed [1/rad²]."""
+    """Weight that draws a pose to that of the moment before when it is followed [1/rad²]. With 0 a samba costs 1.017 of it on
+    the G1, and a ballet 0.92 on the OP3."""
     change: float = 0.5
     """Cost of a change of pose between moments [1/rad²]; half and double lower the cost of a kick on the OP3 by 1 and 2 % and
     change nothing on the G1 ..."""
@@ -147,7 +148,8 @@ class RealTime:
     same: float = Search.apart
     """Poses with all hinges nearer than this are in one basin: one lags behind the other [rad]."""
     worth: float = 0.8
-    """The robot moves to the second pose if it costs less than this share [-] ..."""
+    """The robot moves to the second pose if it costs less than this share [-] (half and double change no stream of a clap and
+    a kick on the G1 and the OP3) ..."""
     unhurried: float = 0.4
     """... with this share of the joints' speeds on average [-]."""
 

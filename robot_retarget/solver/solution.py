@@ -127,7 +127,8 @@ class Solution:
 UNMET = 1e-3
 """A hard edge that misses its interval by more is reported [m]."""
 PROBE = 1e-5
-"""Step of the finite differences of a measure [rad]."""
+"""Step of the finite differences of a measure [rad]: that of least error of a central difference, the cube root of the
+rounding of 2e-16."""
 STATIONARY = 0.01
 """A measure with smaller slopes by all joints does not change [m/rad]."""
 AT_BOUND = 1e-3

@@ -13,7 +13,7 @@ from robot_retarget.graph.describe import describe
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.kinematics import difference, integrate
-from robot_retarget.solver.candidates import DEEP, PASSING, SHARES, Candidates, PoseChain, dearest
+from robot_retarget.solver.candidates import DEEP, SHARES, Candidates, PoseChain, dearest
 from robot_retarget.solver.clip import coarse_tracks
 from robot_retarget.solver.descent import FrameSolution
 from robot_retarget.solver.limits import targets_of
@@ -53,9 +53,8 @@ def way_cost(found: Candidates, before: FrameSolution, after: FrameSolution, rea
     """Return the cost of a change with MuJoCo's distances at every share of the way."""
     solver = found.solver
     turned = difference(solver.robot, before.qpos, after.qpos)
-    far = np.abs(turned[solver.robot.dof_index]).max() > PASSING
     deep = max(solver.depth(integrate(solver.robot, before.qpos, share * turned)) for share in SHARES) / solver.leg
-    through = found.search_options.through * deep**2 if deep > DEEP and far else 0.0
+    through = found.search_options.through * deep**2 if deep > DEEP else 0.0
     return change_cost(found, before, after, reach) + through
 
 
