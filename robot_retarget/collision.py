@@ -27,7 +27,7 @@ from robot_retarget.base import files
 from robot_retarget.base.arrays import Bools, Floats
 from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.robot import Robot
-from robot_retarget.robot.body_distances import BodyPairs
+from robot_retarget.robot.body_distances import RobotAmongBodies
 from robot_retarget.robot.distances import LinkDistances
 from robot_retarget.robot.kinematics import parts_between
 from robot_retarget.robot.timing import require_same_robot
@@ -273,7 +273,7 @@ class Warner:
             raise UsageError(f"frames per second must be positive, got {fps}")
         self.robot, self.fps, self.options = robot, float(fps), options or WarnOptions()
         self.links: LinkDistances = links or LinkDistances(robot)
-        self.bodies: BodyPairs | None = None if scene is None else BodyPairs(robot, scene, self.links.reach)
+        self.bodies: RobotAmongBodies | None = None if scene is None else RobotAmongBodies(robot, scene)
         own, among = len(self.links), 0 if self.bodies is None else len(self.bodies.names)
         self.pairs: list[tuple[str, str]] = self.links.names + ([] if self.bodies is None else self.bodies.names)
         self._margin: Floats = np.repeat([self.options.margin, -self.options.rest], [own, among])
@@ -335,7 +335,7 @@ class Warner:
         along = self.links.along(path)
         if self.bodies is None or before is None or now is None:
             return along
-        return np.hstack([along, self.bodies.along(path, extrapolated(before, now, k))])
+        return np.hstack([along, self.bodies.along(path, extrapolated(before, now, k), self.links.reach)])
 
     def _path(self, k: Floats) -> Floats:
         """Return the configurations (N, nq) k steps (N,) from now: along the planned frames, then along the last step."""

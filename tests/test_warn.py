@@ -183,7 +183,7 @@ def test_the_interaction_distance_is_the_least_along_the_continued_steps(
     for t in range(1, 30):
         step = trajectory.qpos[t] - trajectory.qpos[t - 1]
         k = np.arange(3 * (parts := int(parts_between(op3, step, 0 * step))) + 1) / parts
-        ahead = np.array([links.at(_in_range(op3, trajectory.qpos[t], share * step)) for share in k])
+        ahead = links.along(np.array([_in_range(op3, trajectory.qpos[t], share * step) for share in k]))
         assert np.allclose(found.ahead[t], ahead.min(axis=0)) and np.allclose(
             found.alpha[t], 1 + k[ahead.argmin(axis=0)]
         )

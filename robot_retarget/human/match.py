@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robot_retarget.base.arrays import Floats, Ints, frozen
+from robot_retarget.base.arrays import Floats, Ints, bearing, frozen, leftward
 from robot_retarget.base.errors import MatchError, known
 from robot_retarget.base.keypoints import KEYPOINTS, parent_indices, parents_within
 from robot_retarget.base.untrusted.documents import read_toml
@@ -136,7 +136,7 @@ class Match:
         if not {"l_hip", "r_hip"} <= set(self.keypoints):
             return np.zeros(len(x))
         left = x[:, self.index("l_hip")] - x[:, self.index("r_hip")]
-        return np.arctan2(-left[:, 0], left[:, 1])
+        return bearing(-leftward(left))
 
     def among(self, keypoints: tuple[str, ...], human: Floats, robot: Floats) -> "Match":
         """Return the match of some keypoints; its bones have the lengths of the places (T, K, 3) of human and robot [m]."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robot_retarget.base.arrays import Floats, intervals
+from robot_retarget.base.arrays import Floats, bearing, intervals
 from robot_retarget.contact.rule import JOINTS, speed_of
 from robot_retarget.human.features import ActivityRule, is_supported
 from robot_retarget.human.match import Match
@@ -139,7 +139,7 @@ def _beside(prints: list[Footprint], reach: float) -> list[list[Footprint]]:
 def _box(name: str, height: float, points: Floats, below: Floats, margin: float) -> RigidBody:
     """Return a box from the floor up to a height around points (P, 2), along their feet, at most half the way to the points `below` (Q, 2)."""
     ahead = (points[::2] - points[1::2]).sum(axis=0)
-    heading = float(np.arctan2(ahead[1], ahead[0]))
+    heading = float(bearing(ahead))
     axes = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
     own, others = points @ axes.T, below @ axes.T
     least, most = own.min(axis=0), own.max(axis=0)
@@ -172,7 +172,7 @@ def _seats(x: Floats, floor: float, match: Match, fps: float, rule: TerrainRule)
     for count, (start, stop) in enumerate(found, 1):
         middle = np.median(pelvis[start:stop], axis=0)
         ahead = np.median(knees[start:stop], axis=0) - middle
-        height, heading = middle[2] - floor - rule.flesh * leg, float(np.arctan2(ahead[1], ahead[0]))
+        height, heading = middle[2] - floor - rule.flesh * leg, float(bearing(ahead))
         if height < rule.lowest * leg:
             continue
         behind, before, width = (share * leg for share in rule.seat)

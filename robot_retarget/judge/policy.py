@@ -15,7 +15,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.actuators.goals import Goals
-from robot_retarget.base.arrays import Floats
+from robot_retarget.actuators.inertial import tilt_of, vertical_in
+from robot_retarget.base.arrays import Floats, bearing
 from robot_retarget.base.errors import UsageError, known
 from robot_retarget.judge.plant import Plant
 from robot_retarget.robot.timing import sample
@@ -193,13 +194,14 @@ class PolicyLoop:
         change = np.zeros((len(turns), 3))
         change[:-1] = (turns[:-1].inv() * turns[1:]).as_rotvec()
         velocity = turns.inv().apply(np.diff(self._root[:, :3], axis=0, append=self._root[-1:, :3])) / self._dt
-        return np.column_stack([velocity[:, :2], self._root[:, 2], _lean(turns.as_matrix()), change[:, 2] / self._dt])
+        return np.column_stack(
+            [velocity[:, :2], self._root[:, 2], tilt_of(vertical_in(self._root[:, 3:])), change[:, 2] / self._dt]
+        )
 
     @cached_property
     def commands(self) -> Floats:
         """(N, 3) velocity ahead and to the left [m/s] and turning speed [rad/s] of the reference's root, at its heading."""
-        turns = np.array([_matrix(quaternion) for quaternion in self._root[:, 3:]])
-        heading = np.unwrap(np.arctan2(turns[:, 1, 0], turns[:, 0, 0]))
+        heading = np.unwrap(bearing(Rotation.from_quat(self._root[:, 3:], scalar_first=True).as_matrix()[:, :2, 0]))
         vx, vy = np.gradient(self._root[:, :2], self._dt, axis=0).T
         c, s = np.cos(heading), np.sin(heading)
         return np.stack([c * vx + s * vy, c * vy - s * vx, np.gradient(heading, self._dt)], axis=1)
@@ -219,7 +221,7 @@ TERMS: dict[str, Callable[[PolicyLoop, int, mujoco.MjData], Floats]] = {
     "velocity": lambda loop, row, data: loop.turn(data).T @ loop.speed(data)[:3],
     "gravity": lambda loop, row, data: -loop.turn(data)[2],
     "up": lambda loop, row, data: loop.turn(data)[:, 2],
-    "lean": lambda loop, row, data: _lean(loop.turn(data)),
+    "lean": lambda loop, row, data: tilt_of(loop.turn(data)[2]),
     "actions_before": lambda loop, row, data: loop.before_last,
     "command_velocity": lambda loop, row, data: loop.commands[row, :2],
     "command_turn": lambda loop, row, data: loop.commands[row, 2:],
@@ -253,10 +255,3 @@ def _matrix(quaternion: Sequence[float] | Floats) -> Floats:
     matrix = np.zeros(9)
     mujoco.mju_quat2Mat(matrix, np.asarray(quaternion, dtype=float))
     return matrix.reshape(3, 3)
-
-
-def _lean(turn: Floats) -> Floats:
-    """Return roll and pitch (…, 2) of rotations (…, 3, 3) [rad]."""
-    return np.stack(
-        [np.arctan2(turn[..., 2, 1], turn[..., 2, 2]), np.arcsin(np.clip(-turn[..., 2, 0], -1, 1))], axis=-1
-    )

@@ -3,6 +3,7 @@
 The zero moment point comes from the wrench of all contacts, on the plane through the sole points that carry (`robot.support`).
 """
 
+import itertools
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -18,6 +19,7 @@ from robot_retarget.judge.playback import Rollout
 from robot_retarget.robot.body_distances import RobotAmongBodies
 from robot_retarget.robot.contacts import Contacts
 from robot_retarget.robot.dynamics import DOWN, Stance, contact_planes, margins
+from robot_retarget.robot.geoms import solid_geoms
 from robot_retarget.robot.kinematics import world_points
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.support import Feet, Planes, feet_of
@@ -151,16 +153,12 @@ def planned_touches(robot: Robot, trajectory: Trajectory) -> list[Touch]:
     scene = trajectory.scene
     if scene is None:
         return []
-    among, frames = RobotAmongBodies(robot, scene), len(trajectory)
-    near: dict[tuple[int, int], Bools] = {}
-    for t, (q, poses) in enumerate(zip(trajectory.qpos, scene.poses(frames), strict=True)):
-        found = among.near(q, poses, OVERLAP)
-        for pair in zip(found.links.tolist(), found.bodies.tolist(), strict=True):
-            near.setdefault(pair, np.zeros(frames, bool))[t] = True
+    poses, links = scene.poses(len(trajectory)), list(solid_geoms(robot))
+    near = RobotAmongBodies(robot, scene).along(trajectory.qpos, poses, OVERLAP) < OVERLAP
     return [
-        Touch(*pair, start, stop - 1)
-        for pair, flags in sorted(near.items())
-        for start, stop in intervals(flags)
+        Touch(link, body, start, stop - 1)
+        for (k, link), body in itertools.product(enumerate(links), range(len(scene)))
+        for start, stop in intervals(near[:, body * len(links) + k])
         if stop - start >= BRIEF * trajectory.fps
     ]
 

@@ -38,10 +38,8 @@ class BodyDistances:
 
     distance: Floats
     """(N,) [m], negative inside."""
-    links: Ints
-    """(N,) bodies of the robot's model."""
-    bodies: Ints
-    """(N,) indices in the scene."""
+    pairs: Ints
+    """(N,) their link and body, as a place in `RobotAmongBodies.names`."""
     slope: Floats
     """(N, nv) of the distance by the tangent v."""
 
@@ -74,6 +72,10 @@ class RobotAmongBodies:
         solid = solid_geoms(robot)
         self._geoms = np.array([g for own in solid.values() for g in own], np.int64)
         self._links = np.array([link for link, own in solid.items() for _ in own], np.int64)
+        self._pairs = np.arange(len(scene))[self._bodies] * len(solid)
+        self._columns = np.array([k for k, own in enumerate(solid.values()) for _ in own], np.int64)
+        self.names: list[tuple[str, str]] = [(robot.model.body(k).name, name) for name in scene.names for k in solid]
+        """Names of the link and the body of every pair of the P that are measured."""
         self._radii = np.asarray(self.model.geom_rbound)[self._geoms][:, None]
         middle, half = np.asarray(self.model.geom_aabb)[self._body_geoms].reshape(-1, 2, 3).transpose(1, 0, 2)
         plane = np.asarray(self.model.geom_type)[self._body_geoms] == mujoco.mjtGeom.mjGEOM_PLANE
@@ -95,6 +97,14 @@ class RobotAmongBodies:
         if self._known is None or self._known[:2] != (key, reach):
             self._known = key, reach, self._measured(qpos, poses, reach)
         return self._known[2]
+
+    def along(self, path: Floats, poses: Floats, reach: float) -> Floats:
+        """Return the distances (T, P) of the pairs at configurations (T, nq) and poses (T, B, 7) [m], at most the reach [m]."""
+        found = np.full((len(path), len(self.names)), reach)
+        for row, q, placed in zip(found, path, poses, strict=True):
+            near = self.near(q, placed, reach)
+            np.minimum.at(row, near.pairs, near.distance)
+        return found
 
     def geoms_of(self, links: Ints) -> list[int]:
         """Return the solid geoms of links."""
@@ -174,9 +184,8 @@ class RobotAmongBodies:
         slope = np.empty((len(found), self.model.nv))
         for row, (_, _, least, geom, ends) in zip(slope, found, strict=True):
             row[:] = self._slope(geom, ends[3:], _way(ends, least))
-        links = self._links[[one[0] for one in found]] if found else self._links[:0]
-        bodies = np.array([self._bodies[one[1]] for one in found], np.int64)
-        return BodyDistances(np.array([one[2] for one in found]), links, bodies, slope)
+        names = np.array([self._pairs[b] + self._columns[k] for k, b, *_ in found], np.int64)
+        return BodyDistances(np.array([one[2] for one in found]), names, slope)
 
     def _between(self, own: int, geom: int, reach: float) -> tuple[float, int, Floats]:
         """Return the distance from a geom to one of the robot [m], the latter, and the nearest points of both (6,) [m]."""
@@ -193,26 +202,3 @@ class RobotAmongBodies:
 def _way(ends: Floats, distance: float) -> Floats:
     """Return the direction (3,) from the first of two nearest points (6,) to the second, at a distance that is not 0."""
     return (ends[3:] - ends[:3]) / distance
-
-
-class BodyPairs:
-    """Distances of the P pairs of a link and a body of a scene, as `distances.LinkDistances` of links."""
-
-    def __init__(self, robot: Robot, scene: Scene, reach: float):
-        """Measure distances up to `reach` [m]; farther pairs are reported at `reach`."""
-        self.reach, self._among, self._links = reach, RobotAmongBodies(robot, scene), list(solid_geoms(robot))
-        self._column = {link: k for k, link in enumerate(self._links)}
-        names = [robot.model.body(link).name for link in self._links]
-        self.names: list[tuple[str, str]] = [(link, body) for body in scene.names for link in names]
-        """Names of the link and the body of every pair."""
-
-    def at(self, qpos: Floats, poses: Floats) -> Floats:
-        """Return the distances (P,) at a configuration (nq,) and poses (B, 7) of the bodies [m], negative inside."""
-        near, found = self._among.near(qpos, poses, self.reach), np.full(len(self.names), self.reach)
-        columns = near.bodies * len(self._links) + [self._column[link] for link in near.links.tolist()]
-        np.minimum.at(found, columns.astype(int), near.distance)
-        return found
-
-    def along(self, path: Floats, poses: Floats) -> Floats:
-        """Return the distances (T, P) at configurations (T, nq) and poses (T, B, 7) [m]."""
-        return np.array([self.at(*each) for each in zip(path, poses, strict=True)]).reshape(-1, len(self.names))

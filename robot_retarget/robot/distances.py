@@ -98,11 +98,6 @@ class Separation:
         self._watch(self.boxes.pairs)
         self.floor: Floor | None = None if feet is None else Floor(robot, self.model, feet, STILL * reach)
 
-    def near(self, qpos: Floats) -> tuple[Floats, Ints, Floats]:
-        """Return distances (C,) [m], negative inside, geoms (C, 2) and slopes by v (C, nv) at a configuration (nq,)."""
-        found, slope = self.along(qpos[None])
-        return found.distance, found.geoms, slope
-
     def along(self, qpos: Floats, threads: int = 1) -> tuple[GeomDistances, Floats]:
         """Return all places where links are near each other or near the floor, in order of the configurations.
 
@@ -312,19 +307,8 @@ class LinkDistances:
         model = self.robot.model
         return [(model.body(a).name, model.body(b).name) for a, b in self.links.tolist()]
 
-    def at(self, qpos: Floats) -> Floats:
-        """Return the distances of the pairs, at most the reach and negative where links overlap.
-
-        Args:
-            qpos: (nq,) configuration; the pose of the root does not matter.
-
-        Returns:
-            (P,) distances in the order of `links` [m].
-        """
-        return self.along(np.array(qpos, dtype=float)[None])[0]
-
     def along(self, path: Floats) -> Floats:
-        """Return the distances (T, P) at configurations (T, nq) [m]."""
+        """Return the distances (T, P) of the pairs at configurations (T, nq), at most the reach, negative where links overlap [m]."""
         found = np.full((len(path), len(self.links)), self.reach)
         for first in range(0, len(path), BLOCK):
             poses = np.array(path[first : first + BLOCK])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.base.arrays import Bools, Floats, Ints, unit
+from robot_retarget.base.arrays import Bools, Floats, Ints, bearing, leftward, unit
 from robot_retarget.contact.touch import HandTouches, hand_pairs, hand_touches
 from robot_retarget.human.features import features_of
 from robot_retarget.human.match import Match, match_bodies, path_weights, recognition_with
@@ -195,7 +195,7 @@ class _Descent:
         if self._hips is not None:
             left, right = self._hips
             line, turn = places[:, left] - places[:, right], moves[:, left] - moves[:, right]
-            heading = np.arctan2(-line[:, 0], line[:, 1])
+            heading = bearing(-leftward(line))
             rate = line[:, 0, None] * turn[:, 1] - line[:, 1, None] * turn[:, 0]
             rate /= np.maximum((line[:, :2] ** 2).sum(axis=1), 1e-12)[:, None]
             slopes = slopes - np.cross([0.0, 0.0, 1.0], vectors)[..., None] * rate[:, None, None]

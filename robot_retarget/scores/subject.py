@@ -10,7 +10,7 @@ from robot_retarget.base.arrays import Bools, Floats, Ints
 from robot_retarget.contact.soles import SoleContacts, sole_contacts
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.robot import Anatomy, Points, Robot, world_points
-from robot_retarget.robot.body_distances import BodyPairs
+from robot_retarget.robot.body_distances import RobotAmongBodies
 from robot_retarget.robot.contacts import replay_contacts
 from robot_retarget.robot.dynamics import SMOOTH, required_forces
 from robot_retarget.robot.geoms import solid_geoms
@@ -135,8 +135,8 @@ class Subject:
         """(T, B, L) distances of links from the bodies around, at most `FAR` [m]."""
         scene, qpos = self.trajectory.scene, self.trajectory.qpos
         assert scene is not None
-        pairs = BodyPairs(self.robot, scene, FAR)
-        return pairs.along(qpos, scene.poses(len(qpos))).reshape(len(qpos), len(scene), -1)
+        distances = RobotAmongBodies(self.robot, scene).along(qpos, scene.poses(len(qpos)), FAR)
+        return distances.reshape(len(qpos), len(scene), -1)
 
     @cached_property
     def angles(self) -> Floats:

@@ -83,7 +83,8 @@ def test_nothing_that_is_near_goes_unseen() -> None:
     qpos, compared = robot.neutral(), 0
     for _ in range(20):
         qpos[robot.qpos_index] = draw.uniform(robot.lower, robot.upper)
-        gaps, geoms, _ = separation.near(qpos)
+        found = separation.along(qpos[None])[0]
+        gaps, geoms = found.distance, found.geoms
         least = dict.fromkeys(pairs, np.inf)
         for pair, gap in zip(map(tuple, np.sort(geoms, axis=1).tolist()), gaps, strict=True):
             least[pair] = min(least[pair], gap)

@@ -36,10 +36,10 @@ def one_by_one(robot: Robot, links: LinkDistances, qpos: np.ndarray) -> np.ndarr
 @pytest.mark.parametrize("name", ROBOTS)
 def test_near_links_are_as_far_apart_as_mujoco_says_geom_by_geom(name: str) -> None:
     robot = robot_named(name)
-    links, rest = LinkDistances(robot), LinkDistances(robot).at(robot.neutral())
+    links, rest = LinkDistances(robot), LinkDistances(robot).along(robot.neutral()[None])[0]
     compared = 0
     for qpos in wander(robot, 6, 5.0).qpos:
-        found, exact = links.at(qpos), one_by_one(robot, links, qpos)
+        found, exact = links.along(qpos[None])[0], one_by_one(robot, links, qpos)
         near = (exact > 0) & (exact < links.reach - 1e-3) & (rest > 1e-3)
         assert np.abs(found - exact)[near].max(initial=0.0) < 5e-4
         compared += int(near.sum())
@@ -67,8 +67,8 @@ def test_explicit_pairs_alone_are_watched_and_of_a_model_that_lets_nothing_touch
     every = [("left", "middle"), ("left", "right"), ("middle", "right")]
     assert LinkDistances(seen).names == every
     leaning = np.array([0.3, 0.0, -0.3])  # the outer ones lean inwards, through the middle one
-    assert LinkDistances(seen).at(leaning).min() < LinkDistances(seen).reach
-    distance = dict(zip(LinkDistances(paired).names, LinkDistances(paired).at(leaning), strict=True))
+    assert LinkDistances(seen).along(leaning[None])[0].min() < LinkDistances(seen).reach
+    distance = dict(zip(LinkDistances(paired).names, LinkDistances(paired).along(leaning[None])[0], strict=True))
     assert {names for names, d in distance.items() if d < LinkDistances(paired).reach} <= {("left", "right")}
 
 

@@ -65,7 +65,7 @@ def test_what_is_near_the_floor_is_as_near_as_mujoco_says(seed: int) -> None:
     robot = load_robot("op3")
     separation = Separation(robot, REACH, feet=frozenset())
     qpos = fallen(robot, seed)
-    separation.near(qpos)
+    separation.along(qpos[None])
     assert separation.floor is not None
     near = joined(separation.floor.near(Placed.of(separation.places[0].data)))
     expected = {int(name.split()[1]): distance for name, distance in by_mujoco(robot, qpos).items()}
@@ -84,7 +84,8 @@ def test_heights_over_the_floor_change_as_their_slopes_say(seed: int) -> None:
     way = np.random.default_rng(seed).normal(size=robot.model.nv)
 
     def floor_rows(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        distance, geoms, slope = separation.near(q)
+        found, slope = separation.along(q[None])
+        distance, geoms = found.distance, found.geoms
         low = np.flatnonzero(geoms[:, 0] == FLOOR)
         low = low[np.argsort(distance[low])]
         return distance[low], slope[low]

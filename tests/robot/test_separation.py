@@ -32,7 +32,8 @@ def test_configurations_measured_together_are_near_as_each_alone(seed: int, coun
     together, slopes = SEPARATION.along(qpos)
     assert (np.diff(together.frame) >= 0).all()
     for frame, q in enumerate(qpos):
-        distance, geoms, slope = SEPARATION.near(q)
+        found, slope = SEPARATION.along(q[None])
+        distance, geoms = found.distance, found.geoms
         own = together.frame == frame
         np.testing.assert_array_equal(together.geoms[own], geoms)
         np.testing.assert_allclose(together.distance[own], distance, atol=1e-12)
@@ -48,7 +49,8 @@ def test_slopes_are_the_rows_of_mujocos_constraints() -> None:
     off = mujoco.mjtDisableBit
     model.opt.disableflags |= off.mjDSBL_EQUALITY | off.mjDSBL_FRICTIONLOSS | off.mjDSBL_LIMIT
     for q in drawn(0, 20):
-        _, geoms, slope = separation.near(q)
+        found, slope = separation.along(q[None])
+        geoms = found.geoms
         data = separation.places[0].data
         mujoco.mj_makeConstraint(model, data)
         rows = data.efc_J.reshape(-1, model.nv)

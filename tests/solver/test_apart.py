@@ -40,7 +40,8 @@ def test_slopes_agree_with_central_differences() -> None:
     robot, step = load_robot("op3"), 1e-6
 
     def nearest(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        distance, _, slope = separation.near(at)
+        found, slope = separation.along(at[None])
+        distance = found.distance
         order = np.argsort(distance)[tightest_rows(np.zeros(len(distance), int), -np.sort(distance), 24)]
         return distance[order], slope[order]
 

@@ -68,7 +68,7 @@ def test_rows_between_frames_tell_what_a_step_of_the_frame_does_there(asked: Ask
         direction = np.zeros(robot.model.nv)
         direction[column := robot.dof_index[robot.joint_names.index(joint)]] = step
         places = [way.at(robot, integrate(robot, q, sign * direction)) for sign in (1, -1)]
-        ahead, behind = (near.near(place)[0] for place in places)
+        ahead, behind = (near.distances(place[None]).distance for place in places)
         told, shown = np.array([row[column] for row in rows]), (ahead - behind) / (2 * step)
         told = told[np.abs(told) > 1e-6]  # of the arm, as far as there are rows for all that is near
         assert len(told) > 3 and np.abs(told[:, None] - shown).min(axis=1).max() < 1e-4

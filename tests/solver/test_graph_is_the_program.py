@@ -43,8 +43,8 @@ def test_the_margin_of_separation_is_read_from_the_graph() -> None:
     surfaces = Separation(robot, 0.1)
     for margin in (0.002, 0.02):
         found = solve_graph(graph("hips_and_bow", 30, 60).with_bounds("separation", lower=margin), smoothing=CAUSAL)
-        rest_free = [d[surfaces.rest[*geoms.T] > margin] for d, geoms, _ in map(surfaces.near, found.trajectory.qpos)]
-        nearest.append(min(d.min(initial=np.inf) for d in rest_free))
+        near = surfaces.distances(found.trajectory.qpos)
+        nearest.append(near.distance[surfaces.rest[*near.geoms.T] > margin].min(initial=np.inf))
     assert nearest[0] < 0.012 and nearest[1] > 0.014
 
 

@@ -101,13 +101,7 @@ class ClearanceKind(Kind):
         assert self.scene is not None and state.targets is not None
         among, poses = self.scene.among(state.robot), poses_of(state.targets[0], self.scene)
         found = among.near(state.qpos, poses, self.reach * state.match.robot_leg)
-        if not len(found.distance):
-            return None
-        links = list(solid_geoms(state.robot)) if "links" not in state.memory else state.memory["links"]
-        state.memory["links"] = links
-        column = {link: k for k, link in enumerate(links)}
-        edges = [b * len(links) + column[int(link)] for link, b in zip(found.links, found.bodies, strict=True)]
-        return MeasureRows(found.distance, found.slope, np.array(edges))
+        return MeasureRows(found.distance, found.slope, found.pairs) if len(found.distance) else None
 
 
 def pose_ends(scene: PlacedScene) -> list[tuple[str, str]]:
