@@ -159,7 +159,7 @@ class Smoothing:
     """Options of a whole clip: the alternating direction method of multipliers between frames and a smooth path."""
 
     passes: int = 12
-    """Number of steps of every frame in a round; 0 solves frame by frame."""
+    """Number of steps of every frame in a round."""
     rounds: int = 3
     """Maximum number of rounds of passes; each places footholds anew on the path of the one before."""
     proximal: float = 30.0

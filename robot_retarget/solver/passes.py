@@ -108,7 +108,8 @@ class Passes:
         self.qpos[:, hinges] = within_speeds(start[:, hinges], clip.bounds.speed[1:] / clip.fps, clip.fixed)
         self.path, self.dual = self.qpos.copy(), np.zeros((len(start), robot.model.nv))
         self.rho = clip.smoothing.proximal * clip.smooth.inertia
-        self.halves = [np.arange(clip.fixed + k, len(start), 2) for k in (0, 1)]
+        halves = (np.arange(clip.fixed + k, len(start), 2) for k in (0, 1))
+        self.halves = [half for half in halves if half.size]
         self.clip, self.taken = clip, 0
         self.interpenetrating: set[int] | None = None  # not looked for yet
         boxes = [clip.box(self.qpos, half) for half in self.halves]

@@ -42,7 +42,7 @@ class Result:
     source: Motion | None = None
     """The motion as it was described: cut and resampled, before balance slows it down."""
     doubt: str = ""
-    """Difference between robot and human that a map file or a single causal pass accepts; may be empty."""
+    """Difference between robot and human that a map file accepts; may be empty."""
 
     @property
     def motion(self) -> Motion:
@@ -140,7 +140,7 @@ class SolveArguments(TypedDict, total=False):
     search: Search | None
     """Starts, and the moments at which poses are sought."""
     smoothing: Smoothing | None
-    """Passes over the whole clip; `Smoothing(passes=0)` solves frame by frame."""
+    """Passes over the whole clip."""
     legs: Legs
     """With balance, `follow` tracks the human's legs and `stand` keeps both feet in place. `auto`, the default, follows if the
     result is like the human's motion (`balance.Acceptable`), and otherwise stands and adds a note."""
@@ -186,18 +186,18 @@ def solve(graph: RobotGraph, **how: Unpack[SolveArguments]) -> Result:
         BalanceError: the motion leaves the floor, the human is held up, or the robot has no feet.
     """
     require_keywords(solve, how, SolveArguments)
-    legs, smoothing, progress = how.get("legs", "auto"), how.get("smoothing"), how.get("progress")
+    legs, progress = how.get("legs", "auto"), how.get("progress")
     modes = balance_modes(graph.robot, legs, how.get("balance", "auto"))
     graph = graph.balanced(BalanceOptions().speed) if modes else graph.unbalanced()  # the playback is no faster
     draft, planting = progress, None
     if modes and progress:
         draft, planting = consecutive(progress, expected_steps(graph))
     solution = solve_graph(
-        graph, options=how.get("options"), search=how.get("search"), smoothing=smoothing, progress=draft
+        graph, options=how.get("options"), search=how.get("search"), smoothing=how.get("smoothing"), progress=draft
     )
     doubt = mismatch(graph.human, graph.robot, solution.trajectory.qpos, graph.motion.source)
     chosen = graph.mapped or any(track.kind.by_user for track in graph.tracks)
-    if doubt and not chosen and (smoothing is None or smoothing.passes):
+    if doubt and not chosen:
         raise MatchError(doubt)
     if not modes:
         return Result(solution.graph, solution, source=graph.motion, doubt=doubt)

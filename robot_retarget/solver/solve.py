@@ -1,4 +1,4 @@
-"""Solve a graph as a whole clip or frame by frame."""
+"""Solve a graph as a whole clip."""
 
 import time
 from dataclasses import replace
@@ -18,7 +18,6 @@ from robot_retarget.solver.options import Search, Smoothing, SolveOptions
 from robot_retarget.solver.problem import Problem, build_problem
 from robot_retarget.solver.solution import Solution, unmet_edges
 from robot_retarget.solver.sqp import FrameSolver
-from robot_retarget.solver.starts import causal_poses
 from robot_retarget.trajectory import Trajectory
 
 WORTH_COMPILING = 60
@@ -40,20 +39,15 @@ def solve_graph(
 
     Args:
         problem: the result of `problem_of`, if it exists already.
-        smoothing: options of the whole clip; `Smoothing(passes=0)` solves frame by frame, each from the one before.
+        smoothing: options of the whole clip.
         progress: receives the progress (`progress.Progress`).
         start: (T, nq) configurations that the passes start from; by default those of the search.
     """
     began = time.perf_counter()
-    chosen, smoothly = search or Search(), smoothing or Smoothing()
     problem = problem or problem_of(graph)
     solver, built = FrameSolver(problem, options), time.perf_counter()
     count = Count(progress, len(graph))
-    causal = smoothly.passes == 0 or len(graph) < 3
-    if causal:
-        poses = causal_poses(solver, graph, chosen, count)
-    else:
-        poses, graph = clip_poses(solver, graph, chosen, smoothly, count, start)
+    poses, graph = clip_poses(solver, graph, search or Search(), smoothing or Smoothing(), count, start)
     timings = {"build": built - began, "solve": time.perf_counter() - built}
     return solution_of(solver, graph, poses, timings)
 

@@ -40,7 +40,6 @@ KINDS: dict[str, Variant] = {
     "distances by squares": Variant(Weights(huber_delta=1e6)),
     "no separation": Variant(without="separation"),
     "no second differences": Variant(Weights(smooth=1e-3)),
-    "frame by frame": Variant(smoothing=Smoothing(passes=0)),
 }
 MECHANISMS: dict[str, Variant] = {
     "everything": Variant(),

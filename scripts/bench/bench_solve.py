@@ -1,6 +1,6 @@
 """Measure the solver: `python scripts/bench/bench_solve.py --robots op3 … --clips FILE …` prints Markdown tables. One core.
 
-Frames per second of processor time, frame by frame and of the whole clip, next to a differential inverse kinematics
+Frames per second of processor time, next to a differential inverse kinematics
 built on mink in the same run, and where our time goes. Set OMP_NUM_THREADS=1 to keep to one core.
 """
 
@@ -29,10 +29,8 @@ from robot_retarget.solver import clip as clip_module
 from robot_retarget.solver import passes as passes_module
 from robot_retarget.solver import quadratic as quadratic_module
 from robot_retarget.solver import sqp as sqp_module
-from robot_retarget.solver import starts as starts_module
 from robot_retarget.solver.candidates import coarse_path
 from robot_retarget.solver.compiled import Mapped, QuadraticPrograms
-from robot_retarget.solver.options import Smoothing
 from robot_retarget.solver.problem import Problem, build_problem
 from robot_retarget.solver.quadratic import CostModel
 from robot_retarget.solver.solve import solve_graph
@@ -45,12 +43,11 @@ WALK = SHARED / "motions/bvh/cmu_cgspeed_motionbuilder/02_01_walk.bvh"
 CLOCK = time.process_time
 """Processor time: what else runs on the machine counts little. With one thread it is wall time on an idle core."""
 WHOLE, PEER = "whole clip", "mink"
-MODES = {"frame by frame": Smoothing(passes=0), WHOLE: Smoothing()}
 IK_STEPS, FIRST_STEPS, IK_TOLERANCE = 10, 60, 1e-3
 """mink's steps a frame and at the first frame, and the step [rad or m] under which it is done, as our own rule."""
 PROGRAM = "quadratic program"
 MOVES: list[tuple[object, str]] = [(sqp_module, "integrate"), (quadratic_module, "difference")]
-MOVES += [(module, f) for module in (starts_module, passes_module) for f in ("integrate", "difference")]
+MOVES += [(passes_module, f) for f in ("integrate", "difference")]
 Places = Mapping[str, list[tuple[object, str]]]
 PARTS: Places = {
     "kinematics and normal equations": [(Mapped, "__call__")],
@@ -94,8 +91,6 @@ class Run:
     qpos: Floats
     """(T, nq)."""
     seconds: float
-    first: float
-    """Seconds until the first frame was done, its several starts among them."""
     steps: float
     """Taken a frame, in the mean; those of the coarse path not counted."""
     coarse: float = 0.0
@@ -106,32 +101,10 @@ class Run:
         """Frames per second."""
         return len(self.qpos) / self.seconds
 
-    @property
-    def rate_after_first(self) -> float:
-        """Frames per second once the first frame is there."""
-        return (len(self.qpos) - 1) / (self.seconds - self.first)
 
-
-class Stopwatch:
-    """Notes when the first frame is done."""
-
-    def __init__(self) -> None:
-        self.began, self.first = CLOCK(), np.nan
-
-    def tick(self, done: int, _: int) -> None:
-        """As a `Progress`."""
-        if done == 1:
-            self.first = self.now()
-
-    def now(self) -> float:
-        """Seconds since it was made."""
-        return CLOCK() - self.began
-
-
-def ours(graph: RobotGraph, smoothing: Smoothing) -> Run:
+def ours(graph: RobotGraph) -> Run:
     """Our solver, its starts, coarse path and final check included; assembling the functions is not."""
-    problem, coarse = compiled(graph), [0.0]
-    watch = Stopwatch()
+    problem, coarse, start = compiled(graph), [0.0], CLOCK()
 
     def timed(*args: Any, **named: Any) -> list[Floats]:
         began = CLOCK()
@@ -140,9 +113,9 @@ def ours(graph: RobotGraph, smoothing: Smoothing) -> Run:
         return path
 
     with patch.object(clip_module, "coarse_path", timed):
-        solution = solve_graph(graph, problem=problem, smoothing=smoothing, progress=watch.tick)
-    taken = watch.now()
-    return Run(solution.trajectory.qpos, taken, watch.first, float(solution.iterations.mean()), coarse[0] / taken)
+        solution = solve_graph(graph, problem=problem)
+    taken = CLOCK() - start
+    return Run(solution.trajectory.qpos, taken, float(solution.iterations.mean()), coarse[0] / taken)
 
 
 def inverse_kinematics(graph: RobotGraph) -> Run:
@@ -160,7 +133,7 @@ def inverse_kinematics(graph: RobotGraph) -> Run:
     posture.set_target(start)
     limits, configuration, dt = [mink.ConfigurationLimit(model)], mink.Configuration(model, start), 1 / graph.fps
     points, qpos, steps = rebuilt(graph), [], 0
-    watch = Stopwatch()
+    began = CLOCK()
     for t in range(len(graph)):
         for task, place in zip(places, points[t], strict=True):
             task.set_target(mink.SE3.from_translation(place))
@@ -173,8 +146,7 @@ def inverse_kinematics(graph: RobotGraph) -> Run:
             if np.abs(velocity * dt).max() < IK_TOLERANCE:
                 break
         qpos.append(configuration.q.copy())
-        watch.tick(t + 1, len(graph))
-    return Run(np.array(qpos), watch.now(), watch.first, steps / len(graph))
+    return Run(np.array(qpos), CLOCK() - began, steps / len(graph))
 
 
 def rebuilt(graph: RobotGraph) -> Floats:
@@ -242,7 +214,7 @@ def clocked(parts: Places = PARTS) -> Iterator[dict[str, Spent]]:
 
 def speeds(graph: RobotGraph, repeats: int, peer: bool) -> list[str]:
     """Rows of the table of speeds, each with what came out."""
-    runs: dict[str, Callable[[], Run]] = {mode: partial(ours, graph, smoothing) for mode, smoothing in MODES.items()}
+    runs: dict[str, Callable[[], Run]] = {WHOLE: partial(ours, graph)}
     if peer:
         runs[PEER] = partial(inverse_kinematics, graph)
     rounds = [{name: run() for name, run in runs.items()} for _ in range(repeats)]
@@ -253,7 +225,6 @@ def speeds(graph: RobotGraph, repeats: int, peer: bool) -> list[str]:
         judged = figures(graph.robot, graph.match, human, several[0].qpos, graph.fps)
         cells = [
             f"{rate[name]:.0f}",
-            f"{np.median([run.rate_after_first for run in several]):.0f}" if name != WHOLE else "",
             f"{rate[name] / rate[PEER]:.2f}" if peer else "",
             f"{several[0].steps:.1f}",
             f"{judged.limb_deg:.1f}",
@@ -267,21 +238,17 @@ def speeds(graph: RobotGraph, repeats: int, peer: bool) -> list[str]:
 
 
 def shares(graph: RobotGraph) -> list[str]:
-    """Rows of the table of where the time goes, in both modes."""
-    rows = []
-    for mode, smoothing in MODES.items():
-        with clocked() as parts:
-            run = ours(graph, smoothing)
-        parts = {part: spent for part, spent in parts.items() if spent.calls}
-        for part, spent in parts.items():
-            each, per_call = spent.calls / len(graph), 1e6 * spent.seconds / spent.calls
-            percent = 100 * spent.seconds / run.seconds
-            rows.append(f"| {name_of(graph)} | {mode} | {part} | {each:.1f} | {per_call:.0f} | {percent:.0f} |")
-        rest = 100 * (1 - sum(spent.seconds for spent in parts.values()) / run.seconds)
-        rows.append(f"| {name_of(graph)} | {mode} | everything else | | | {rest:.0f} |")
-        if mode == WHOLE:
-            rows.append(f"| {name_of(graph)} | {mode} | of all that, the coarse path | | | {100 * run.coarse:.0f} |")
-    return rows
+    """Rows of the table of where the time goes."""
+    with clocked() as parts:
+        run = ours(graph)
+    parts = {part: spent for part, spent in parts.items() if spent.calls}
+    rows, name = [], name_of(graph)
+    for part, spent in parts.items():
+        each, per_call = spent.calls / len(graph), 1e6 * spent.seconds / spent.calls
+        rows.append(f"| {name} | {part} | {each:.1f} | {per_call:.0f} | {100 * spent.seconds / run.seconds:.0f} |")
+    rest = 100 * (1 - sum(spent.seconds for spent in parts.values()) / run.seconds)
+    rows.append(f"| {name} | everything else | | | {rest:.0f} |")
+    return [*rows, f"| {name} | of all that, the coarse path | | | {100 * run.coarse:.0f} |"]
 
 
 def has_mink() -> bool:
@@ -294,10 +261,9 @@ def has_mink() -> bool:
 
 
 SPEED_HEAD = (
-    "| case | solver | frames/s | after the first frame | × mink | steps a frame | limb_deg | distance_err | overlap_pct | "
-    "skate_cm_s | jerk |"
+    "| case | solver | frames/s | × mink | steps a frame | limb_deg | distance_err | overlap_pct | skate_cm_s | jerk |"
 )
-SHARE_HEAD = "| case | mode | part | calls a frame | µs a call | share [%] |"
+SHARE_HEAD = "| case | part | calls a frame | µs a call | share [%] |"
 
 
 def main() -> None:

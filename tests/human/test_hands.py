@@ -16,7 +16,6 @@ from robot_retarget.human.read import read_motion
 from robot_retarget.human.segments import pointed
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.recognise import recognise
-from robot_retarget.solver.options import Smoothing
 from robot_retarget.solver.pipeline import retarget
 
 TURN = 0.5 * np.sin(np.linspace(0, 4 * np.pi, 25))
@@ -40,9 +39,7 @@ def still(robot: Robot, turn: Floats) -> Motion:
 
 
 def hinges(robot: Robot, turn: Floats) -> Floats:
-    return retarget(still(robot, turn), robot, smoothing=Smoothing(passes=0), balance="off").trajectory.qpos[
-        :, robot.qpos_index
-    ]
+    return retarget(still(robot, turn), robot, balance="off").trajectory.qpos[:, robot.qpos_index]
 
 
 @needs_shared

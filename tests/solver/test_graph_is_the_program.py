@@ -14,11 +14,8 @@ from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.distances import Separation
 from robot_retarget.solver.balance.balanced_ik import BalancedIk, BalanceOptions
-from robot_retarget.solver.options import Smoothing
 from robot_retarget.solver.solution import Solution
 from robot_retarget.solver.solve import solve_graph
-
-CAUSAL = Smoothing(passes=0)
 
 
 @cache
@@ -42,7 +39,7 @@ def test_the_margin_of_separation_is_read_from_the_graph() -> None:
     robot, nearest = graph().robot, []
     surfaces = Separation(robot, 0.1)
     for margin in (0.002, 0.02):
-        found = solve_graph(graph("hips_and_bow", 30, 60).with_bounds("separation", lower=margin), smoothing=CAUSAL)
+        found = solve_graph(graph("hips_and_bow", 30, 60).with_bounds("separation", lower=margin))
         near = surfaces.distances(found.trajectory.qpos)
         nearest.append(near.distance[surfaces.rest[*near.geoms.T] > margin].min(initial=np.inf))
     assert nearest[0] < 0.012 and nearest[1] > 0.014
@@ -60,11 +57,11 @@ def test_smoothness_is_weighed_and_dropped_like_any_other_kind() -> None:
     graphs = graph().with_priority("smoothness", 10), graph(), graph().without("smoothness")
     bends = [float(np.abs(np.diff(hinges(solve_graph(each)), n=2, axis=0)).mean()) for each in graphs]
     assert bends[0] < bends[1] < bends[2]
-    assert "smoothness" not in solve_graph(graph().without("smoothness"), smoothing=CAUSAL).stress
+    assert "smoothness" not in solve_graph(graph().without("smoothness")).stress
 
 
 def test_without_separation_and_floor_there_are_no_such_rows() -> None:
-    found = solve_graph(graph().without("separation").without("floor"), smoothing=CAUSAL)
+    found = solve_graph(graph().without("separation").without("floor"))
     assert not {"separation", "floor"} & found.graph.kinds.keys() and "separation" not in found.stress
 
 

@@ -16,7 +16,6 @@ from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.graph.track import Status
 from robot_retarget.graph.weights import Weights
 from robot_retarget.robot import load_robot, world_points
-from robot_retarget.solver.options import Smoothing
 from robot_retarget.solver.solution import Solution
 from robot_retarget.solver.solve import solve_graph
 
@@ -36,10 +35,9 @@ def distance(solution: Solution) -> np.ndarray:
     return np.linalg.norm(x[:, names.index("l_hand")] - x[:, names.index("head")], axis=1)
 
 
-@pytest.mark.parametrize("smoothing", [Smoothing(passes=0), Smoothing()], ids=["causal", "whole"])
-def test_two_edges_of_the_same_ends_hold_each_in_its_own_frames(smoothing: Smoothing) -> None:
+def test_two_edges_of_the_same_ends_hold_each_in_its_own_frames() -> None:
     graph = wave().with_edge(*HANDS, 0.15, frames=(4, 8), hard=True).with_edge(*HANDS, 0.25, frames=(20, 25), hard=True)
-    apart = distance(solve_graph(graph, smoothing=smoothing))
+    apart = distance(solve_graph(graph))
     assert np.allclose(apart[7:9], 0.15, atol=2e-3) and np.allclose(apart[22:26], 0.25, atol=2e-3)
 
 
@@ -76,7 +74,7 @@ def test_footholds_out_of_reach_are_reported_by_the_same_mechanism() -> None:
     far[:, 2] += 0.02  # a corner of a sole over the others
     raised = type(track)(track.kind, track.ends, far, far, track.priority, track.scale, track.axes)
     tracks = tuple(raised if t is track else t for t in graph.tracks)
-    solution = solve_graph(replace(graph, tracks=tracks), smoothing=Smoothing(passes=0))
+    solution = solve_graph(replace(graph, tracks=tracks))
     assert {edge.kind for edge in solution.unmet} == {"foothold"}
 
 
@@ -126,7 +124,7 @@ def test_without_smoothness_a_clip_is_solved_and_other_weights_below_0_are_refus
 
 
 def test_files_and_names_are_taken_for_a_motion_and_a_robot() -> None:
-    result = rr.retarget(ROOT / "samples/clap.bvh", "op3", fps=10, smoothing=Smoothing(passes=0), balance="off")
+    result = rr.retarget(ROOT / "samples/clap.bvh", "op3", fps=10, balance="off")
     assert result.robot.name == "op3" and len(result.trajectory) == len(result.graph)
 
 

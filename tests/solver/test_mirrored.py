@@ -15,7 +15,6 @@ from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.anatomy import mirror_of
-from robot_retarget.solver.options import Smoothing
 from robot_retarget.solver.pipeline import retarget, solve
 from robot_retarget.solver.sqp import FrameSolver
 
@@ -35,24 +34,20 @@ def mirrored(motion: Motion) -> Motion:
     return replace(motion, positions=motion.positions[:, order] * [1, -1, 1], rotations=turned)
 
 
-def asymmetry(motion: Motion, robot: Robot, smoothing: Smoothing, separated: bool = True) -> float:
+def asymmetry(motion: Motion, robot: Robot, separated: bool = True) -> float:
     """By how much a hinge of the mirrored trajectory misses that of the mirrored motion, at most [rad]."""
     motions, hinges = (motion, mirrored(motion)), robot.qpos_index
     graphs = (describe(m, robot) for m in motions)
     graphs = (graph if separated else graph.without("separation") for graph in graphs)
-    here, there = (solve(graph, smoothing=smoothing, balance="off").trajectory.qpos[:, hinges] for graph in graphs)
+    here, there = (solve(graph, balance="off").trajectory.qpos[:, hinges] for graph in graphs)
     return float(np.abs(mirror_of(robot, LEFT).angles(here) - there).max())
-
-
-CAUSAL, WHOLE = Smoothing(passes=0), Smoothing()
 
 
 # Squat and hands on hips are their own mirror images, as the clap is: see the laws of hands that meet below.
 @pytest.mark.parametrize("clip", ["wave", "walk", "squat", "hips_and_bow"])
-@pytest.mark.parametrize("smoothing", [CAUSAL, WHOLE], ids=["causal", "whole"])
-def test_a_mirrored_motion_gives_the_mirrored_trajectory(clip: str, smoothing: Smoothing) -> None:
+def test_a_mirrored_motion_gives_the_mirrored_trajectory(clip: str) -> None:
     motion = read_motion(SAMPLES / f"{clip}.bvh").resample(15).frames(0, 50)
-    assert asymmetry(motion, load_robot("op3"), smoothing) < 1e-3
+    assert asymmetry(motion, load_robot("op3")) < 1e-3
 
 
 def one_clap() -> Motion:
@@ -69,26 +64,22 @@ def lopsided_clap(lifted: float = 0.03) -> Motion:
     return replace(motion, positions=positions)
 
 
-@pytest.mark.parametrize("smoothing", [CAUSAL, WHOLE], ids=["causal", "whole"])
-def test_a_clap_of_which_one_hand_is_higher_gives_the_mirrored_trajectory(smoothing: Smoothing) -> None:
-    assert asymmetry(lopsided_clap(), load_robot("op3"), smoothing) < 1e-3
+def test_a_clap_of_which_one_hand_is_higher_gives_the_mirrored_trajectory() -> None:
+    assert asymmetry(lopsided_clap(), load_robot("op3")) < 1e-3
 
 
 @needs_shared
 @pytest.mark.parametrize("name", ["booster_t1", "unitree_g1"])
-@pytest.mark.parametrize("smoothing", [CAUSAL, WHOLE], ids=["causal", "whole"])
-def test_so_it_does_on_other_robots_but_for_meshes_that_differ_from_side_to_side(
-    name: str, smoothing: Smoothing
-) -> None:
+def test_so_it_does_on_other_robots_but_for_meshes_that_differ_from_side_to_side(name: str) -> None:
     robot = load_robot(SHARED / f"robots/{name}/{name}.xml")
-    assert asymmetry(lopsided_clap(), robot, smoothing, separated=False) < 1e-3
+    assert asymmetry(lopsided_clap(), robot, separated=False) < 1e-3
 
 
 def test_the_best_clap_of_a_clap_that_mirrors_itself_does_not_mirror_itself(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two hands that cannot fill the same place pass each other on either side: the symmetric clap costs more."""
     robot = load_robot("op3")
     graph = describe(one_clap(), robot)
-    free = solve(graph, smoothing=WHOLE, balance="off").solution
+    free = solve(graph, balance="off").solution
     reflection, steps = tangent_reflection(robot), FrameSolver._steps
 
     def symmetric(self: FrameSolver, *given: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -96,7 +87,7 @@ def test_the_best_clap_of_a_clap_that_mirrors_itself_does_not_mirror_itself(monk
         return (found + found @ reflection.T) / 2, gain, kept
 
     monkeypatch.setattr(FrameSolver, "_steps", symmetric)
-    tied = solve(graph, smoothing=WHOLE, balance="off").solution
+    tied = solve(graph, balance="off").solution
     hinges = tied.trajectory.qpos[:, robot.qpos_index]
     assert np.abs(mirror_of(robot, LEFT).angles(hinges) - hinges).max() < 1e-6
     assert tied.cost.sum() > 1.05 * free.cost.sum()
@@ -111,48 +102,27 @@ def tangent_reflection(robot: Robot) -> np.ndarray:
     return matrix
 
 
-def test_knees_of_which_neither_goes_first_do_not_stop_a_squat_half_way_down() -> None:
-    motion, robot = read_motion(SAMPLES / "squat.bvh").resample(15), load_robot("op3")
-    lowest = [retarget(motion, robot, smoothing=s, balance="off").trajectory.qpos[:, 2].min() for s in (CAUSAL, WHOLE)]
-    assert lowest[0] == pytest.approx(lowest[1], abs=0.005)
-
-
-@needs_shared
-@pytest.mark.parametrize("name", ["booster_t1", "unitree_h1", "toddlerbot_2xc"])
-def test_frame_by_frame_hands_that_meet_do_not_get_stuck(name: str) -> None:
-    """A frame whose hands were held back costs ten times as much as one of the smooth clap."""
-    motion = read_motion(SAMPLES / "clap.bvh").resample(30).frames(16, 80)
-    robot = load_robot(SHARED / f"robots/{name}/{name}.xml")
-    solved = [retarget(motion, robot, smoothing=smoothing, balance="off").solution for smoothing in (CAUSAL, WHOLE)]
-    most = [(each.cost - each.stress["smoothness"] - each.stress["jerk"]).max() for each in solved]
-    print(most)
-    assert most[0] < 6 * most[1]
-
-
 @needs_shared
 @pytest.mark.parametrize("clip", ["hips_and_bow", "squat"])
-@pytest.mark.parametrize("smoothing", [CAUSAL, WHOLE], ids=["causal", "whole"])
-def test_hulls_that_differ_from_side_to_side_hardly_give_a_motion_a_side(clip: str, smoothing: Smoothing) -> None:
+def test_hulls_that_differ_from_side_to_side_hardly_give_a_motion_a_side(clip: str) -> None:
     """Those of this robot's hips do by a millimetre and a half, and its wrists rest on them."""
     motion = read_motion(SAMPLES / f"{clip}.bvh").resample(30)
     robot = load_robot(SHARED / "robots/unitree_g1/unitree_g1.xml")
-    angles = retarget(motion, robot, smoothing=smoothing, balance="off").trajectory.qpos[:, robot.qpos_index]
+    angles = retarget(motion, robot, balance="off").trajectory.qpos[:, robot.qpos_index]
     assert np.abs(mirror_of(robot, LEFT).angles(angles) - angles).max() < 0.05
 
 
 @needs_shared
 @pytest.mark.parametrize(
-    ("name", "clip", "smoothing"),
+    ("name", "clip"),
     [
-        ("robotis_op3", SAMPLES / "walk.bvh", WHOLE),
-        ("toddlerbot_2xc", SAMPLES / "wave.bvh", CAUSAL),
+        ("robotis_op3", SAMPLES / "walk.bvh"),
+        ("toddlerbot_2xc", SAMPLES / "wave.bvh"),
         # The human's left leg is longer than the right.
-        ("robotis_op3", SHARED / "motions/bvh/cmu_hahne_3dsmax/jumping_jacks.bvh", CAUSAL),
+        ("robotis_op3", SHARED / "motions/bvh/cmu_hahne_3dsmax/jumping_jacks.bvh"),
     ],
 )
-def test_so_it_does_on_robots_whose_joints_mirror_each_other_and_whose_meshes_do_not(
-    name: str, clip: Path, smoothing: Smoothing
-) -> None:
+def test_so_it_does_on_robots_whose_joints_mirror_each_other_and_whose_meshes_do_not(name: str, clip: Path) -> None:
     """But for links that near each other: there it is the meshes that say how far they may."""
     motion, robot = read_motion(clip).resample(10), load_robot(SHARED / f"robots/{name}/{name}.xml")
-    assert asymmetry(motion, robot, smoothing, separated=False) < 1e-3
+    assert asymmetry(motion, robot, separated=False) < 1e-3

@@ -11,7 +11,6 @@ import pytest
 import robot_retarget as rr
 from robot_retarget.base.files import SAMPLES
 from robot_retarget.robot import world_points
-from robot_retarget.solver.options import Smoothing
 from robot_retarget.solver.solve import solve_graph
 from robot_retarget.solver.starts import place_root
 
@@ -29,17 +28,17 @@ def clip(frames: int = 12) -> rr.Motion:
     return rr.read_motion(SAMPLES / "clap.bvh").frames(40, 40 + frames)
 
 
-def test_the_bench_measures_both_modes_and_where_their_time_goes(script: Any) -> None:
+def test_the_bench_measures_clips_and_where_their_time_goes(script: Any) -> None:
     bench = script("bench_solve")
     case = bench["prepare"](clip(), rr.load_robot("op3"))
     rows = bench["speeds"](case, 1, False)
-    assert [row.split(" | ")[1] for row in rows] == list(bench["MODES"])
+    assert [row.split(" | ")[1] for row in rows] == ["whole clip"]
     assert all(float(row.split(" | ")[2]) > 0 for row in rows)
     shares = [float(row.strip("| ").split("|")[-1]) for row in bench["shares"](case) if "of all that" not in row]
-    assert sum(shares) == pytest.approx(200, abs=len(shares))  # each mode adds up to 100 %, rounded
+    assert sum(shares) == pytest.approx(100, abs=len(shares))  # rounded
 
 
-@pytest.mark.parametrize("mode", ["frame by frame", "whole clip", "stream"])
+@pytest.mark.parametrize("mode", ["whole clip", "stream"])
 def test_every_part_of_a_profile_is_met(script: Any, mode: str) -> None:
     """A function that the solver no longer calls would leave its time to another part."""
     bench, robot = script("bench_solve"), rr.load_robot("op3")
@@ -48,7 +47,7 @@ def test_every_part_of_a_profile_is_met(script: Any, mode: str) -> None:
         if mode == "stream":
             list(rr.stream(robot, clip()))
         else:
-            solve_graph(bench["prepare"](clip(), robot), smoothing=bench["MODES"][mode])
+            solve_graph(bench["prepare"](clip(), robot))
     assert {part for part, used in spent.items() if not used.calls} <= {"closed chains, gears"}
 
 
@@ -100,7 +99,7 @@ def test_without_separation_hands_go_through_each_other_and_the_table_says_so(sc
 def test_a_robot_compared_with_itself_has_no_error(script: Any) -> None:
     judge = script("retarget_figures")["figures"]
     robot = rr.load_robot("op3")
-    result = rr.retarget(clip(6), robot, smoothing=Smoothing(passes=0), balance="off")
+    result = rr.retarget(clip(6), robot, balance="off")
     matched, qpos = result.match, result.trajectory.qpos
     itself = world_points(robot, matched.points, qpos) * matched.human_leg / matched.robot_leg
     found = judge(robot, matched, itself, qpos, 30.0)

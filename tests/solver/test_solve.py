@@ -16,7 +16,7 @@ from robot_retarget.human.read import read_motion
 from robot_retarget.human.recognition.recognise import Mark, Recognition
 from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.robot import load_robot, recognise, world_points
-from robot_retarget.solver.options import Search, Smoothing
+from robot_retarget.solver.options import Search
 from robot_retarget.solver.pipeline import Result, retarget
 from robot_retarget.solver.problem import build_problem
 from robot_retarget.solver.solve import solve_graph
@@ -83,8 +83,7 @@ def own_motion(frames: int = 40) -> tuple[RobotGraph, np.ndarray]:
     return graph_of(motion, features_of(motion, matched), robot, Weights()), qpos
 
 
-@pytest.mark.parametrize("smoothing", [Smoothing(passes=0), Smoothing()], ids=["causal", "whole"])
-def test_its_own_motion_comes_back(smoothing: Smoothing) -> None:
+def test_its_own_motion_comes_back() -> None:
     """Of its own distances, directions and path alone; its feet sway in the air, so that nothing stands."""
     graph, qpos = own_motion()
     for kind in ("foothold", "orientation", "rest"):
@@ -95,7 +94,7 @@ def test_its_own_motion_comes_back(smoothing: Smoothing) -> None:
     for track in costs:
         own = measured[:, first : first + len(track)]
         tracks, first = [*tracks, replace(track, lower=own, upper=own)], first + len(track)
-    solution = solve_graph(replace(graph, tracks=tuple(tracks)), smoothing=smoothing)
+    solution = solve_graph(replace(graph, tracks=tuple(tracks)))
     hinges = graph.robot.qpos_index
     assert np.ptp(qpos[:, hinges], axis=0).max() > 0.5
     assert np.abs(solution.trajectory.qpos[:, hinges] - qpos[:, hinges]).max() < 0.01
