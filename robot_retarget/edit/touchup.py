@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.base.arrays import SMOOTHSTEP_PEAK, Floats, path_to_root, smoothstep
+from robot_retarget.base.arrays import SMOOTHSTEP_PEAK, Floats, smoothstep
 from robot_retarget.base.errors import UsageError
 from robot_retarget.base.progress import Count
-from robot_retarget.graph.added import SOFT, end_name
+from robot_retarget.graph.added import end_name
 from robot_retarget.graph.describe import RobotGraph, among_placed, describe
 from robot_retarget.graph.edits import Edit, edited, end_of, write_edits
 from robot_retarget.human.motion import Motion
@@ -28,7 +28,7 @@ from robot_retarget.solver.limits import Targets, targets_of
 from robot_retarget.solver.options import Smoothing, SolveOptions
 from robot_retarget.solver.passes import clip_of, clip_passes
 from robot_retarget.solver.problem import build_problem
-from robot_retarget.solver.solution import UnmetEdge, unmet_edges, unmet_of_user
+from robot_retarget.solver.solution import UnmetEdge, reasons_against, unmet_edges, unmet_of_user
 from robot_retarget.solver.sqp import FrameSolver
 from robot_retarget.trajectory import Trajectory
 
@@ -38,8 +38,6 @@ FADING = 0.25
 """Time after that, in which the change fades out [s]."""
 MISSED = 1.0
 """The report of an edge that misses its interval by more in every frame says why [cm]."""
-AT_LIMIT = 0.02
-"""A joint is at its limit when it is this near to it [rad]."""
 FIXED = 2
 """Frames at the beginning of a window that stay: 2 hold position and velocity."""
 
@@ -101,7 +99,7 @@ def apply_edit(graph: RobotGraph, trajectory: Trajectory, edit: Edit) -> EditRes
     solved = replace(edited_graph.at(window), tracks=tuple(track.at(window) for track in tracks))
     measured = measured_by(solver.problem, solved, qpos[window])
     unmet = unmet_edges(solver, solved, measured, qpos[window])
-    reached = _reached(solved, edit, measured, slice(first - start, last + 1 - start), qpos[first : last + 1])
+    reached = _reached(solver, solved, edit, measured, slice(first - start, last + 1 - start), qpos[window])
     return EditResult(edited_graph, done, start, stop - 1, time.perf_counter() - began, reached, unmet)
 
 
@@ -127,12 +125,10 @@ def _shares(frames: np.ndarray, first: int, last: int, around: int) -> Floats:
     return smoothstep(np.clip(1 - away / around, 0.0, 1.0))
 
 
-def _reached(graph: RobotGraph, edit: Edit, measured: Mapping[str, Floats], frames: slice, qpos: Floats) -> str:
-    """The measured range of an edge at its frames, its interval, and the cause of a miss.
-
-    Args:
-        qpos: (F, nq) of the robot at these frames.
-    """
+def _reached(
+    solver: FrameSolver, graph: RobotGraph, edit: Edit, measured: Mapping[str, Floats], frames: slice, qpos: Floats
+) -> str:
+    """The measured range of an edge at its frames, its interval, and the reasons of a miss in every frame."""
     if edit.action != "edge":
         return ""
     a, b = (end_name(end_of(edit.values[end])) for end in "ab")
@@ -140,9 +136,12 @@ def _reached(graph: RobotGraph, edit: Edit, measured: Mapping[str, Floats], fram
     column = int(np.flatnonzero(track.joins(a, b))[-1])
     values = 100 * measured[track.name][frames, column]
     bounds = 100 * np.atleast_1d(np.asarray(edit.values["at"], float))
-    missed = np.abs(values - np.clip(values, bounds[0], bounds[-1]))
-    cause = _cause(graph, edit, qpos[int(missed.argmin())]) if missed.min() > MISSED else ""
-    return f"{a} and {b} are {values.min():.1f} to {values.max():.1f} cm apart; interval: {_asked(bounds)}{cause}"
+    errors, why = values - np.clip(values, bounds[0], bounds[-1]), ""
+    if np.abs(errors).min() > MISSED:
+        least = int(np.abs(errors).argmin())
+        reasons = reasons_against(solver, graph, qpos, (track, column), frames.start + least, errors[least])
+        why = f"; {'; '.join(reasons) or 'other edges oppose it: hold (hard = true) puts it before them'}"
+    return f"{a} and {b} are {values.min():.1f} to {values.max():.1f} cm apart; interval: {_asked(bounds)}{why}"
 
 
 def _asked(bounds: Floats) -> str:
@@ -154,25 +153,6 @@ def _asked(bounds: Floats) -> str:
         return f"exactly {lower:.3g} cm"
     least = [f"at least {lower:.3g} cm"] if lower > 0 else []
     return " and ".join([*least, *([f"at most {upper:.3g} cm"] if np.isfinite(upper) else [])])
-
-
-def _cause(graph: RobotGraph, edit: Edit, qpos: Floats) -> str:
-    """The cause of a miss at the frame of the least miss: joints at their limits, or stronger edges."""
-    robot = graph.robot
-    known, ends = graph.match.anatomy.sites, map(edit.values.get, "ab")
-    sites = [known[end] for end in ends if isinstance(end, str) and end in known]
-    moving = {body for site in sites for body in path_to_root(robot.model.body_parentid, site.body)}
-    angles, owners = qpos[robot.qpos_index], robot.model.jnt_bodyid[robot.joint_ids]
-    at_limit = np.minimum(angles - robot.lower, robot.upper - angles) < AT_LIMIT
-    stuck = [
-        name for name, body, held in zip(robot.joint_names, owners, at_limit, strict=True) if held and body in moving
-    ]
-    if stuck:
-        return f"; at a limit: {', '.join(stuck)}"
-    strong = edit.values.get("hard") or edit.values.get("priority", SOFT) > SOFT
-    return (
-        "; floor, separation and speeds allow no more" if strong else "; hold (hard = true) puts it before other edges"
-    )
 
 
 def _faded(graph: RobotGraph, known: Sequence[Floats], poses: Sequence[Floats], frames: int) -> Floats:

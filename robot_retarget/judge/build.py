@@ -227,8 +227,11 @@ def add_play(spec: mujoco.MjSpec, robot: Robot, backlash: float) -> None:
         raise UsageError(f"backlash must be 0 … {MOST:g} rad, got {backlash:g}")
     if not backlash:
         return
-    _require_single(robot)
     model, joints = robot.model, list(spec.joints)
+    if (crowded := crowded_body(robot)) is not None:
+        raise RobotError(
+            f"{robot.path}: body {model.body(crowded).name!r} has several hinges; backlash needs a body for each hinge: leave it out, or split the body"
+        )
     for k, j in enumerate(robot.joint_ids):
         joints[j].parent.add_joint(
             name=PLAY + robot.joint_names[k], type=mujoco.mjtJoint.mjJNT_HINGE, axis=model.jnt_axis[j], pos=model.jnt_pos[j],
@@ -238,18 +241,10 @@ def add_play(spec: mujoco.MjSpec, robot: Robot, backlash: float) -> None:
         )  # fmt: skip
 
 
-def single_hinges(robot: Robot) -> bool:
-    """Return whether every body has one hinge at most, so that a play fits between each hinge and its link."""
-    return bool(np.unique(robot.model.jnt_bodyid[robot.joint_ids], return_counts=True)[1].max(initial=0) <= 1)
-
-
-def _require_single(robot: Robot) -> None:
+def crowded_body(robot: Robot) -> int | None:
+    """Return a body with several hinges, so that no play fits between a hinge and its link; None without one."""
     bodies, counts = np.unique(robot.model.jnt_bodyid[robot.joint_ids], return_counts=True)
-    if (counts > 1).any():
-        name = robot.model.body(int(bodies[counts.argmax()])).name
-        raise RobotError(
-            f"{robot.path}: body {name!r} has {counts.max()} hinges; backlash needs a body for each hinge: leave it out, or split the body"
-        )
+    return int(bodies[counts.argmax()]) if (counts > 1).any() else None
 
 
 def _in_units_of(spec: mujoco.MjSpec, angles: list[float]) -> list[float]:

@@ -23,7 +23,7 @@ from robot_retarget.judge.bodies import SimulatedBodies
 from robot_retarget.judge.plant import Mode, Plant, limb_inertia
 from robot_retarget.judge.playback import Playback, settled
 from robot_retarget.robot.coupling import Coupling
-from robot_retarget.robot.dynamics import DOWN, EVENNESS, ground_push
+from robot_retarget.robot.dynamics import DOWN, EVENNESS, ground_push, velocities
 from robot_retarget.robot.model import FREE
 from robot_retarget.robot.support import feet_of
 from robot_retarget.trajectory import Trajectory
@@ -237,9 +237,8 @@ def _states(plant: Plant, qpos: Floats, frames: float) -> Floats:
 
 def _rates(model: mujoco.MjModel, states: Floats, rate: float) -> tuple[Floats, Floats]:
     """Velocities and accelerations (N, nv), at rest at both ends."""
-    qvel = np.zeros((len(states), model.nv))
-    for k in range(1, len(states) - 1):
-        mujoco.mj_differentiatePos(model, qvel[k], 2 / rate, states[k - 1], states[k + 1])
+    qvel = velocities(model, states, rate)
+    qvel[[0, -1]] = 0
     qacc = gaussian_filter1d(np.gradient(qvel, 1 / rate, axis=0), SMOOTHING * rate, axis=0, mode="nearest")
     qacc[[0, -1]] = 0
     return qvel, qacc

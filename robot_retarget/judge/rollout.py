@@ -16,7 +16,7 @@ from robot_retarget.base.progress import Count, Progress
 from robot_retarget.base.untrusted.documents import NAMES
 from robot_retarget.collision import Warnings
 from robot_retarget.judge.bodies import Objects
-from robot_retarget.judge.build import build_plant, single_hinges
+from robot_retarget.judge.build import build_plant, crowded_body
 from robot_retarget.judge.compensate import compensated
 from robot_retarget.judge.feedback import has_feedback, with_feedback
 from robot_retarget.judge.figures import fall_figures
@@ -123,7 +123,9 @@ def simulate(
     plant = plant if policy is None else under_policy(plant, policy)
     count = Count(progress, SIMULATED + (draws if mode == "free" else 0))
     how, replayed = cast(Mode, mode), replay_contacts(robot, played.qpos)
-    goals = goals or (compensated if compensate else _as_it_is)(plant, played, how, playback)
+    if goals is None and compensate:
+        goals = compensated(plant, played, how, playback)
+    goals = goals or plain_goals(plant, played, playback)
     if _closes(plant, mode, feedback):
         goals = with_feedback(plant, played, goals)
     count.advance(COMPENSATION)
@@ -134,15 +136,11 @@ def simulate(
     plain = roll_out(chosen.plant, played, how, playback) if compensate else chosen.rollout
     count.advance()
     fallen = _fallen(plant, judged, playback, draws, count) if how == "free" and not chosen.fell else ()
-    alerts = _warnings_of(trajectory) if warnings is None else warnings
-    outcome = SimulatedTrajectory(judged, chosen.plant, how, replayed, chosen.rollout, plain, alerts, fallen)
+    if warnings is None and isinstance(trajectory, Result) and len(played) > 1:
+        warnings = trajectory.warnings
+    outcome = SimulatedTrajectory(judged, chosen.plant, how, replayed, chosen.rollout, plain, warnings, fallen)
     servos = trial_figures(trials, chosen) | ({} if policy is None else {"policy": policy.name})
     return build_report(outcome, fingerprint(judged), thresholds or Thresholds(), servos)
-
-
-def _warnings_of(played: Result | Trajectory | str | Path) -> Warnings | None:
-    """Return the warnings of a result of several frames."""
-    return played.warnings if isinstance(played, Result) and len(played.trajectory) > 1 else None
 
 
 def mode_of(trajectory: Trajectory) -> Mode:
@@ -171,11 +169,6 @@ def report_beside(path: Path, trajectory: Trajectory, robot: Robot, mode: str | 
     return replace(found, series=series_of(trajectory, plant, rollout), trajectory=trajectory)
 
 
-def _as_it_is(plant: Plant, trajectory: Trajectory, mode: Mode, playback: Playback | None) -> Goals:
-    """The trajectory itself as goals, in any mode."""
-    return plain_goals(plant, trajectory, playback)
-
-
 def _closes(plant: Plant, mode: str, feedback: bool | None) -> bool:
     """Whether feedback acts.
 
@@ -194,7 +187,7 @@ def _fallen(
 ) -> tuple[bool, ...]:
     """Return whether the robot falls in each of `worlds` drawn simulations."""
     command, draws, loose = trajectory.goals, drawn_worlds(worlds), plant
-    if plant.drives is not None and not plant.places.play.size and single_hinges(plant.robot):
+    if plant.drives is not None and not plant.places.play.size and crowded_body(plant.robot) is None:
         scene, objects = trajectory.scene, "free" if plant.bodies is not None and plant.bodies.free else "carried"
         loose = build_plant(plant.robot, "free", plant.drives, BACKLASH, scene, objects)
     found = rollouts(loose, trajectory, draws, playback=playback, command=command, count=count)

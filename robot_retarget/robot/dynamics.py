@@ -40,15 +40,15 @@ def root_travel(robot: Robot) -> Ints:
     return own[(kinds[own] == mujoco.mjtJoint.mjJNT_SLIDE) | ((kinds[own] == mujoco.mjtJoint.mjJNT_FREE) & (first < 3))]
 
 
-def velocities(robot: Robot, qpos: Floats, fps: float) -> Floats:
+def velocities(model: mujoco.MjModel, qpos: Floats, fps: float) -> Floats:
     """(T, nv) by central differences of configurations (T, nq), one-sided at the ends.
 
     Args:
+        model: of a robot, or of a plant.
         qpos: (T, nq) configurations.
         fps: frames per second [1/s].
     """
-    model, last = robot.model, len(qpos) - 1
-    found = np.zeros((len(qpos), model.nv))
+    last, found = len(qpos) - 1, np.zeros((len(qpos), model.nv))
     for t in range(len(qpos) if last else 0):
         before, after = max(t - 1, 0), min(t + 1, last)
         mujoco.mj_differentiatePos(model, found[t], (after - before) / fps, qpos[before], qpos[after])
@@ -100,7 +100,7 @@ def tread(robot: Robot, qpos: Floats, fps: float, smooth: float = 0.0, planes: P
         smooth: standard deviation of a Gaussian over the momenta [s]; servos cannot follow faster changes.
         planes: of the contacts; the floor z = 0 by default.
     """
-    centre, linear, angular = momenta(robot, qpos, velocities(robot, qpos, fps))
+    centre, linear, angular = momenta(robot, qpos, velocities(robot.model, qpos, fps))
     known = planes or level_planes(len(qpos))
     if len(qpos) < 3:
         return Tread(centre[:, :2], np.zeros(len(qpos)), np.zeros(len(qpos)))
@@ -160,7 +160,7 @@ def required_forces(
     Returns:
         (T, nv) [N, N m].
     """
-    qvel = velocities(robot, qpos, fps)
+    qvel = velocities(robot.model, qpos, fps)
     if smooth > 0:
         qvel = gaussian_filter1d(qvel, smooth * fps, axis=0, mode="nearest")
     qacc = np.gradient(qvel, 1 / fps, axis=0) if len(qpos) > 1 else np.zeros_like(qvel)
@@ -246,9 +246,19 @@ def body_placer(robot: Robot, qpos: Floats, body: int, offset: Floats) -> Placer
         qpos: (nq,) the pose.
         offset: (3,) of the point in the body's frame [m].
     """
-    if robot.floating:
-        return FreePose.of(robot, qpos, body, offset).placed
-    return partial(_stepped, robot, qpos, body, offset)
+    if not robot.floating:
+        return partial(_stepped, robot, qpos, body, offset)
+    (frames,), (turns,) = body_frames(robot, qpos[None])
+    back, root, a = turns[body].T, robot.root_body, robot.root_address
+    away, turned = back @ (frames[root] - frames[body]) - offset, back @ turns[root]  # of the root, seen from the point
+
+    def placed(place: Floats, turn: Floats) -> Floats:
+        moved = np.array(qpos)
+        moved[a : a + 3] = place + turn @ away
+        mujoco.mju_mat2Quat(moved[a + 3 : a + 7], (turn @ turned).ravel())
+        return moved
+
+    return placed
 
 
 def _stepped(robot: Robot, qpos: Floats, body: int, offset: Floats, place: Floats, turn: Floats) -> Floats:
@@ -268,34 +278,6 @@ def _stepped(robot: Robot, qpos: Floats, body: int, offset: Floats, place: Float
         if np.abs(velocity).max() < ARRIVED:
             break
     return moved
-
-
-@dataclass(frozen=True, eq=False)
-class FreePose:
-    """A pose of a robot with a free joint, which is placed by a point of a body with x, R: the root has R₀ and x₀."""
-
-    qpos: Floats
-    """(nq,)."""
-    address: int
-    """Where the root's coordinates begin."""
-    away: Floats
-    """(3,) Rᵀ (x₀ − x) [m]."""
-    turned: Floats
-    """(3, 3) Rᵀ R₀."""
-
-    @classmethod
-    def of(cls, robot: Robot, qpos: Floats, body: int, offset: Floats) -> "FreePose":
-        """Return a pose (nq,) placed by a point of a body, at an offset (3,) in its frame [m]."""
-        (frames,), (turns,) = body_frames(robot, qpos[None])
-        back, root = turns[body].T, robot.root_body
-        return cls(qpos, robot.root_address, back @ (frames[root] - frames[body]) - offset, back @ turns[root])
-
-    def placed(self, place: Floats, turn: Floats) -> Floats:
-        """Return the pose (nq,) with the point at `place` (3,) [m] and the body turned by `turn` (3, 3)."""
-        moved, a = np.array(self.qpos), self.address
-        moved[a : a + 3] = place + turn @ self.away
-        mujoco.mju_mat2Quat(moved[a + 3 : a + 7], (turn @ self.turned).ravel())
-        return moved
 
 
 def raise_root(robot: Robot, qpos: Floats, height: float) -> Floats:

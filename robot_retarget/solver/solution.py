@@ -149,8 +149,6 @@ def unmet_edges(
     problem, found = solver.problem, []
     below = problem.inequalities.values(qpos)
     values = {**measured, **{name: below[:, own] for name, own in problem.inequalities.columns.items()}}
-    all_targets = targets_of(graph.tracks)
-    bounds = problem.limits.bounds(all_targets)
     for track in (graph.kinds[name] for name in values):
         value, hard = values[track.name], track.present & (track.priority >= HARD)
         miss = np.where(hard, np.abs(value - np.clip(value, track.lower, track.upper)), 0.0)
@@ -159,13 +157,27 @@ def unmet_edges(
             interval = float(track.lower[worst, edge]), float(track.upper[worst, edge])
             reached = float(value[worst, edge])
             error = reached - float(np.clip(reached, *interval))
-            slope = _slope(solver, qpos, worst, track, int(edge))
-            away = -np.sign(error) * slope
-            reasons = tuple(_reasons(solver, graph.fps, bounds, all_targets.at(worst), qpos, worst, away))
+            reasons = reasons_against(solver, graph, qpos, (track, int(edge)), worst, error)
             name, missed = track.edge_name(int(edge)), tuple(frames.tolist())
             unmet = UnmetEdge(track.name, name, missed, worst, reached, *interval, reasons, track.kind.by_user)
             found.append((float(miss[worst, edge]), unmet))
     return tuple(unmet for _, unmet in sorted(found, key=lambda each: -each[0]))
+
+
+def reasons_against(
+    solver: FrameSolver, graph: RobotGraph, qpos: Floats, edge: tuple[Track, int], t: int, error: float
+) -> tuple[str, ...]:
+    """Return the limits that keep an edge from its interval at a frame; none if other edges do.
+
+    Args:
+        qpos: (T, nq) the solution.
+        edge: its track and its column there.
+        t: the frame.
+        error: its measure minus the nearest end of the interval.
+    """
+    targets = targets_of(graph.tracks)
+    bounds, away = solver.problem.limits.bounds(targets), -np.sign(error) * _slope(solver, qpos, t, *edge)
+    return tuple(_reasons(solver, graph.fps, bounds, targets.at(t), qpos, t, away))
 
 
 def _reasons(
