@@ -63,6 +63,24 @@ class ClipRows:
     rest: Floats
     """(R,) as that of `MeasureRows`."""
 
+    def __len__(self) -> int:
+        return len(self.values)
+
+    @property
+    def deficit(self) -> Floats:
+        """(R,) largest lower bound minus value."""
+        return self.rest - self.values
+
+    def some(self, kept: Ints) -> "ClipRows":
+        """Return some of the rows."""
+        return ClipRows(*(column[kept] for column in vars(self).values()))
+
+    @staticmethod
+    def joined(parts: Sequence["ClipRows"]) -> "ClipRows":
+        """Return the rows of several measurements of the same configurations."""
+        columns = zip(*(vars(part).values() for part in parts), strict=True)
+        return parts[0] if len(parts) == 1 else ClipRows(*map(np.concatenate, columns))
+
     @classmethod
     def of(cls, parts: Sequence[MeasureRows | None], nv: int) -> "ClipRows":
         """Return the rows (R, nv) of single configurations together."""

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, Ints
-from robot_retarget.graph.rows import RowState
+from robot_retarget.graph.rows import ClipRows, RowState
 from robot_retarget.graph.track import Form, Role, Track
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import SweptConfiguration, difference
 from robot_retarget.solver.limits import Targets
-from robot_retarget.solver.near_links import LinearizedDistances, NearLinks
+from robot_retarget.solver.near_links import NearLinks, foremost
 from robot_retarget.solver.options import SolveOptions
 from robot_retarget.solver.problem import Problem
 
@@ -115,12 +115,11 @@ class NumericTrack:
         sides = targets.lower[own][edges], targets.upper[own][edges], targets.priority[own][edges]
         return terms(self.track, rows.values, rows.slope, sides, edges)
 
-    def near(self, q: Floats, targets: Targets) -> LinearizedDistances:
+    def near(self, q: Floats, targets: Targets) -> ClipRows:
         """Return the rows of an inequality at configurations (N, nq)."""
         rows = self.track.kind.clip_rows(self.track, self.state(q, targets))
         edges = self.columns.start + rows.edges
-        bound = np.minimum(targets.lower[rows.frame, edges], rows.rest)
-        return LinearizedDistances(rows.frame, rows.values, rows.slope, bound, edges)
+        return replace(rows, edges=edges, rest=np.minimum(targets.lower[rows.frame, edges], rows.rest))
 
 
 class CostModel:
@@ -204,8 +203,8 @@ class CostModel:
         It is the cost of the kind that needs the slack most.
         """
         found = {each.track.name: np.zeros(len(q)) for each in (*self.surfaces, *self.numeric)}
-        near = [each.near(q, targets) for each in self.surfaces]
-        lacking = np.array([self.lacking(each.largest_deficit(len(q))[:, None]) for each in near])
+        near = [NearLinks.measured(q, each.near(q, targets), self.most) for each in self.surfaces]
+        lacking = np.array([self.lacking(each.deficit) for each in near])
         for k, each in enumerate(self.surfaces):
             worst = lacking.argmax(axis=0) == k
             found[each.track.name][worst] = self.options.overlap_cost * lacking[k, worst] ** 2
@@ -228,14 +227,14 @@ class CostModel:
         bent = (current.normal @ step[..., None])[..., 0] + 2 * current.gradient
         return self.options.overlap_cost * (current.clearance_deficit**2 - slack**2) - (bent * step).sum(axis=1)
 
-    def near(self, q: Floats, targets: Targets) -> LinearizedDistances:
+    def near(self, q: Floats, targets: Targets) -> ClipRows:
         """Return the links near each other at a configuration (nq,)."""
-        return self.measured(q[None], targets.at(None)).foremost(self.most)
+        return foremost(self.measured(q[None], targets.at(None)), self.most)
 
-    def measured(self, q: Floats, targets: Targets) -> LinearizedDistances:
+    def measured(self, q: Floats, targets: Targets) -> ClipRows:
         """Return all links near each other at configurations (N, nq)."""
         found = [each.near(q, targets) for each in self.surfaces]
-        return LinearizedDistances.joined(found or [LinearizedDistances.none(self.robot.model.nv)])
+        return ClipRows.joined(found or [ClipRows.of([None], self.robot.model.nv)])
 
     def _with_ways(self, q: Floats, between: Between, targets: Targets, rows: Floats, deficit: Floats) -> None:
         """Fill in rows (N, C, nv + 1) and deficits (N, C) of frames with ways: of links there and on the ways.
@@ -253,9 +252,9 @@ class CostModel:
             there,
             frame=owner[there.frame],
             slope=share[there.frame, None] * there.slope,
-            bound=np.minimum(there.bound, 0.0),
+            rest=np.minimum(there.rest, 0.0),
         )
-        found = LinearizedDistances.joined([self.measured(q[frames], targets.at(frames)), there])
+        found = ClipRows.joined([self.measured(q[frames], targets.at(frames)), there])
         near = NearLinks.measured(q[frames], found, self.most)
         deficit[frames], rows[frames, :, :-1], rows[frames, :, -1] = near.deficit, near.slope, np.isfinite(near.deficit)
 

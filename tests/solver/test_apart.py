@@ -7,6 +7,7 @@ from shared_files import SHARED, needs_shared
 
 from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import describe
+from robot_retarget.graph.rows import ClipRows
 from robot_retarget.graph.track import Status
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import Robot, load_robot
@@ -15,7 +16,7 @@ from robot_retarget.robot.distances import Separation
 from robot_retarget.robot.kinematics import carrying, difference, integrate
 from robot_retarget.solver.descent import FrameSolution
 from robot_retarget.solver.limits import targets_of
-from robot_retarget.solver.near_links import LinearizedDistances, tightest_rows
+from robot_retarget.solver.near_links import foremost, tightest_rows
 from robot_retarget.solver.pipeline import retarget
 from robot_retarget.solver.problem import build_problem
 from robot_retarget.solver.solve import solve_graph
@@ -81,10 +82,10 @@ def test_equal_rows_take_one_place_each_where_there_are_too_many() -> None:
     draw = np.random.default_rng(1)
     frame, distance, slope = np.repeat([0, 1, 2], [30, 4, 30]), draw.uniform(0.0, 0.02, 64), draw.normal(size=(64, 9))
     distance[20:30], slope[20:30] = distance[:10], slope[:10]  # the first frame has 20 different rows
-    found = LinearizedDistances(frame, distance, slope, np.full(64, 0.002), np.zeros(64, int)).foremost(24)
+    found = foremost(ClipRows(frame, distance, slope, np.zeros(64, int), np.full(64, 0.002)), 24)
     for k, own in enumerate((np.arange(20), np.arange(30, 34), np.arange(34, 64))):
         expected = np.sort(distance[own])[:24]
-        np.testing.assert_array_equal(np.sort(found.distance[found.frame == k]), expected)
+        np.testing.assert_array_equal(np.sort(found.values[found.frame == k]), expected)
 
 
 def test_a_dof_carries_exactly_the_bodies_it_moves() -> None:

@@ -73,10 +73,8 @@ class SeparationKind(Kind):
         found, slope = watched.surfaces.along(states.qpos, states.threads)
         pair = found.geoms @ (len(watched.edges), 1)
         edges, rest = watched.edges.take(pair), watched.surfaces.rest.take(pair)
-        if edges.min(initial=0) >= 0:
-            return ClipRows(found.frame, found.distance, slope, edges, rest)
-        kept = np.flatnonzero(edges >= 0)
-        return ClipRows(found.frame[kept], found.distance[kept], slope[kept], edges[kept], rest[kept])
+        rows = ClipRows(found.frame, found.distance, slope, edges, rest)
+        return rows if edges.min(initial=0) >= 0 else rows.some(np.flatnonzero(edges >= 0))
 
     def overlap(self, track: Track, states: RowState) -> Floats:
         """Return the depths of the deepest overlaps of two links [m]."""
