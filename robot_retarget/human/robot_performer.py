@@ -10,13 +10,13 @@ from robot_retarget.human.motion import Motion
 from robot_retarget.human.recognition import Mark, Recognition
 from robot_retarget.human.segments import TURNED_BY
 from robot_retarget.human.skeleton import Skeleton
-from robot_retarget.robot import Anatomy, Robot, recognise_with, world_points
+from robot_retarget.robot import Anatomy, Robot, recognise, world_points
 from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.robot.timing import require_same_robot
 from robot_retarget.trajectory import Trajectory
 
 
-def performed(trajectory: Trajectory, robot: Robot, anatomy: Anatomy | None = None) -> Motion:
+def performed(trajectory: Trajectory, robot: Robot) -> Motion:
     """Return the motion of a robot's keypoints,  x_k(t) = p_b(q_t) + R_b(q_t) o_k,  as that of a performer.
 
     Joints are the robot's keypoints, in their tree. A joint that turns a segment has the segment's forward, left and up as
@@ -26,14 +26,13 @@ def performed(trajectory: Trajectory, robot: Robot, anatomy: Anatomy | None = No
     Args:
         trajectory: configurations of the robot.
         robot: the robot that moves.
-        anatomy: its keypoints; by default those that are recognised.
 
     Raises:
         TrajectoryError: the trajectory belongs to another robot.
         MatchError: the robot is no humanoid.
     """
     require_same_robot(trajectory, robot)
-    anatomy, qpos = anatomy or recognise_with(robot, {}), trajectory.qpos
+    anatomy, qpos = recognise(robot), trajectory.qpos
     recognition, skeleton = _recognition(anatomy), _skeleton(robot, anatomy)
     feet = sole_contacts(robot, anatomy, qpos, trajectory.fps)
     around = () if trajectory.scene is None else trajectory.scene.names

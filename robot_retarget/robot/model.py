@@ -207,15 +207,15 @@ def robot_from_model(
         raise RobotError(f"{path}: the model has no hinge joint")
     names = tuple(model.joint(j).name or f"joint_{j}" for j in hinges)
     lower, upper, unstated = _ranges(model, hinges, names)
-    table = _Limits(limits or {}, names, path)
-    bounds = table.column("range")
+    tables = limits or {}
+    bounds = _stated(tables, "range", names, path)
     for k, pair in bounds.items():
         lower[k], upper[k] = pair
     unlimited = [names[k] for k in unstated if k not in bounds]
     remarks = (f"no range given for {', '.join(unlimited)}: ±{DEFAULT_RANGE:.4g} rad taken",) if unlimited else ()
     speed, torque = np.full(len(names), DEFAULT_MAX_SPEED), _torques(model, hinges)
     for values, key in ((speed, "speed"), (torque, "torque")):
-        for k, value in table.column(key).items():
+        for k, value in _stated(tables, key, names, path).items():
             values[k] = value
     remarks = (*notes, *remarks)
     joints, carriers = np.array(hinges), np.array(root, int)
@@ -286,22 +286,13 @@ def _actuator_bound(model: mujoco.MjModel, actuator: int) -> float:
     return float("inf")
 
 
-class _Limits:
-    """The tables of a limits file, looked up by joint."""
-
-    def __init__(self, tables: dict[str, dict[str, Any]], names: tuple[str, ...], path: Path):
-        self.tables, self.names = tables, names
-        for table in tables.values():
-            for joint in table:
-                if joint != "*" and joint not in names:
-                    raise RobotError(
-                        f"the limits file for {path} names the joint {joint!r}; {known(names, 40, typed=joint)}"
-                    )
-
-    def column(self, key: str) -> dict[int, Any]:
-        table = self.tables.get(key, {})
-        found = {k: table[n] for k, n in enumerate(self.names) if n in table}
-        return {k: table["*"] for k in range(len(self.names)) if k not in found and "*" in table} | found
+def _stated(tables: dict[str, dict[str, Any]], key: str, names: tuple[str, ...], path: Path) -> dict[int, Any]:
+    """Return the values of a table of a limits file by the place of their joint among names."""
+    table = tables.get(key, {})
+    strange = next((joint for joint in table if joint not in ("*", *names)), None)
+    if strange is not None:
+        raise RobotError(f"the limits file for {path} names the joint {strange!r}; {known(names, 40, typed=strange)}")
+    return {k: table.get(name, table.get("*")) for k, name in enumerate(names) if name in table or "*" in table}
 
 
 # The servos that turn a robot's joints, and the limits that they set on planned motions.
