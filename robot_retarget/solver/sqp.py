@@ -42,7 +42,7 @@ class FrameSolver:
 
     def solve_frame(
         self,
-        start: Floats | FrameSolution,
+        start: Floats,
         targets: Targets,
         *,
         proximal: Proximal | None = None,
@@ -51,9 +51,8 @@ class FrameSolver:
         **options: Any,
     ) -> FrameSolution:
         """Solve one frame as `solve_frames` does; its arguments are those of one frame."""
-        qpos = start.qpos if isinstance(start, FrameSolution) else start
         return self.solve_frames(
-            qpos[None],
+            start[None],
             targets.at(None),
             proximal=proximal and proximal.at(None),
             between=[between] if between else None,
