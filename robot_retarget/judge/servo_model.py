@@ -171,12 +171,8 @@ class Drives:
         return HEAT_RISE * dt / HEAT_TIME * (fading[:, None] * load).sum(0)
 
 
-def drives_of(robot: Robot, voltage: float | None = None, p_gain: int | None = None) -> Drives | None:
-    """The servos of the robot's map, or None for a robot without servos.
-
-    Args:
-        voltage: of the supply [V]; by default the motors' nominal one.
-        p_gain: register `position_p_gain` of all servos; by default each one's factory setting.
+def drives_of(robot: Robot) -> Drives | None:
+    """The servos of the robot's map at their nominal voltage and factory gains, or None for a robot without servos.
 
     Raises:
         RobotError: a hinge has no servo.
@@ -189,7 +185,7 @@ def drives_of(robot: Robot, voltage: float | None = None, p_gain: int | None = N
         raise RobotError(f"{robot.name}: no servo for the joint {bare[0]!r}")
     servos = [servo_map[joint] for joint in robot.joint_names]
     gears = np.array([servo.gear for servo in servos])
-    found = drives([motor_named(servo.model) for servo in servos], gears, voltage, p_gain)
+    found = drives([motor_named(servo.model) for servo in servos], gears)
     own = [servo_map.identified.get(model) for model in found.models]
     if not any(own):
         return found
@@ -211,15 +207,13 @@ def _gear_friction(identified: Sequence[Identified | None], gears: Floats) -> Ge
     return GearFriction(gears * static, load, more, speed / gears, shape)
 
 
-def drives(motors: list[MotorModel], gears: Floats, voltage: float | None = None, p_gain: int | None = None) -> Drives:
+def drives(motors: list[MotorModel], gears: Floats) -> Drives:
     """Motors (n,) behind `gears` (n,), turns of the servo for one of the joint, as drives of the joints."""
-    supply = max(motor.voltage for motor in motors) if voltage is None else voltage
-    share = np.array([1.0 if voltage is None else voltage / motor.voltage for motor in motors])
-    stall = share * [motor.stall_torque for motor in motors]
+    stall = np.array([motor.stall_torque for motor in motors])
     mechanics = [mechanics_of(motor) for motor in motors]
     unknown = sorted({motor.name for motor in motors} - IDENTIFIED.keys())
     return Drives(
-        stiffness=gears**2 * stall * [motor.duty_per_error(p_gain) for motor in motors],
+        stiffness=gears**2 * stall * [motor.duty_per_error() for motor in motors],
         derivative=gears**2 * stall * [motor.duty_per_speed() for motor in motors],
         stall_torque=gears * stall,
         back_emf=gears**2 * np.array([motor.back_emf for motor in motors]),
@@ -227,9 +221,9 @@ def drives(motors: list[MotorModel], gears: Floats, voltage: float | None = None
         friction=gears * np.array([m.friction for m in mechanics]),
         armature=gears**2 * np.array([m.armature for m in mechanics]),
         tick=tau / TICKS_PER_TURN / gears,
-        stall_current=share * [motor.stall_current for motor in motors],
+        stall_current=np.array([motor.stall_current for motor in motors]),
         continuous_current=np.array([motor.continuous_current for motor in motors]),
-        voltage=supply,
+        voltage=max(motor.voltage for motor in motors),
         models=tuple(motor.name for motor in motors),
         notes=tuple(
             f"the gears of {name} are not identified: those of {REFERENCE}, scaled by the stall torque"
