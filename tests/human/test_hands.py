@@ -9,6 +9,7 @@ from shared_files import SHARED, needs_shared
 
 from robot_retarget.base.arrays import Floats, unit
 from robot_retarget.base.files import SAMPLES
+from robot_retarget.graph.weights import Weights
 from robot_retarget.human.features import features_of
 from robot_retarget.human.match import match
 from robot_retarget.human.motion import Motion
@@ -39,7 +40,8 @@ def still(robot: Robot, turn: Floats) -> Motion:
 
 
 def hinges(robot: Robot, turn: Floats) -> Floats:
-    return retarget(still(robot, turn), robot, balance="off").trajectory.qpos[:, robot.qpos_index]
+    loose = Weights(smooth=1e-3, jerk=1e-3)  # a wrist follows at once
+    return retarget(still(robot, turn), robot, weights=loose, balance="off").trajectory.qpos[:, robot.qpos_index]
 
 
 @needs_shared
