@@ -124,5 +124,5 @@ def test_a_backlash_out_of_bounds_is_refused(backlash: float) -> None:
 def test_a_body_with_two_hinges_is_refused_by_name(tmp_path: Path) -> None:
     double = '<body name="wrist" pos=".3 0 0"><joint axis="1 0 0"/><joint axis="0 1 0"/><geom size=".02"/></body>'
     robot = arm(tmp_path, more=double)
-    with pytest.raises(RobotError, match="'wrist' has 2 hinges"):
+    with pytest.raises(RobotError, match="'wrist' has several hinges"):
         build_plant(robot, "pinned", None, BACKLASH)
