@@ -62,6 +62,27 @@ def test_a_limb_that_flies_is_led_across():
     assert any("l_arm jumps at frames 60–62 (2.00–2.07 s)" in note for note in mended.notes)
 
 
+def test_a_limb_that_flies_for_longer_than_a_gap_that_is_bridged_is_said_and_left():
+    capture, leg = walk()
+    names = capture.skeleton.names
+    x = capture.positions.copy()
+    hand = [k for k in range(len(names)) if names.index("LeftForeArm") in capture.skeleton.above(k)]
+    x[60:75, hand] += 0.7 * leg * np.array([0.0, 1.0, 0.0])
+    mended, raw = (upright(replace(capture, positions=x, rotations=None), repair=repair) for repair in (True, False))
+    assert any("l_arm jumps at frame" in note and "--frames" in note for note in mended.notes)
+    np.testing.assert_array_equal(mended.positions, raw.positions)
+
+
+def test_a_pose_that_changes_as_a_whole_is_another_take_and_no_limb_is_led_across():
+    capture, leg = walk()
+    x = capture.positions.copy()
+    x[60:63] += 0.7 * leg * np.random.default_rng(0).normal(size=(1, x.shape[1], 3))
+    mended, raw = (upright(replace(capture, positions=x, rotations=None), repair=repair) for repair in (True, False))
+    assert any("Another pose begins" in note and "frame" in note for note in mended.notes)
+    assert not any("_arm jumps" in note or "_leg jumps" in note for note in mended.notes), mended.notes
+    np.testing.assert_array_equal(mended.positions, raw.positions)
+
+
 def test_a_head_that_flies_is_led_across():
     capture, leg = walk()
     head = [k for k, name in enumerate(capture.skeleton.names) if name.startswith("Head")]
