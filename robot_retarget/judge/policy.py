@@ -65,6 +65,11 @@ class Contract:
     clip: float = np.inf
     """Largest action that moves a goal [-]."""
 
+    @property
+    def follows_joints(self) -> bool:
+        """Whether it observes the joints of the reference; a walker observes the way of its root alone."""
+        return any(term.name == "reference_joints" for term in (*self.observation, *self.after))
+
     def __post_init__(self) -> None:
         for name in ("default", "scale", "stiffness", "damping"):
             value = np.asarray(getattr(self, name), dtype=float)

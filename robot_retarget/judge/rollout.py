@@ -140,7 +140,10 @@ def simulate(
         warnings = trajectory.warnings
     outcome = SimulatedTrajectory(judged, chosen.plant, how, replayed, chosen.rollout, plain, warnings, fallen)
     servos = trial_figures(trials, chosen) | ({} if policy is None else {"policy": policy.name})
-    return build_report(outcome, fingerprint(judged), thresholds or Thresholds(), servos)
+    asked = thresholds or Thresholds()
+    if policy is not None and not policy.contract.follows_joints:
+        asked = replace(asked, tracking_rms=np.inf)
+    return build_report(outcome, fingerprint(judged), asked, servos)
 
 
 def mode_of(trajectory: Trajectory) -> Mode:

@@ -239,6 +239,16 @@ def test_the_verdict_is_that_of_the_policy_and_play_refuses_it(tmp_path: Path) -
         require_judged(path, report.trajectory, OP3.servo_map, "op3")
 
 
+def test_a_policy_that_does_not_observe_the_joints_of_the_reference_is_not_asked_for_them() -> None:
+    still, offset = hold(OP3, 0.3), np.eye(N)[OP3.joint_names.index("head_pan")]
+    reference = replace(still, qpos=np.hstack([still.qpos[:, :-N], still.angles + 0.4 * offset]))
+    tracker = Policy(contract(Term("reference_joints")), lambda _: still.angles[0])
+    walker = Policy(contract(Term("command_velocity")), lambda _: still.angles[0])
+    seen, unseen = (rr.simulate(reference, OP3, policy=policy, draws=0) for policy in (tracker, walker))
+    assert seen.verdict == "fail" and "head_pan tracks" in seen.reasons[0]
+    assert unseen.verdict == "pass" and unseen.figures["worst_joint"] == "head_pan"
+
+
 def test_trajectories_are_ranked_by_the_worlds_in_which_the_controller_falls(tmp_path: Path) -> None:
     still = hold(OP3, 0.5)
     lying = replace(
