@@ -54,19 +54,23 @@ class SolveOptions:
     trust_region: float = 0.5
     """Largest step of one hinge in one iteration [rad]; twice this for the root [rad, m]."""
     growth: float = 3.0
-    """Growth factor of the trust region after an accepted step [-]."""
+    """Growth factor of the trust region after an accepted step [-]. Half and double change the cost of a clap and a kick by
+    -4.2 and -0.3 % on the OP3, whose kick ends in other poses, and by nothing on the G1."""
     damping: float = 1e-3
     """Initial value of Levenberg's λ."""
     refusals: int = 6
     """Number of refused steps after which a descent stops; each accepted step cancels one of them."""
     reach: float = 0.05
-    """Links nearer than this have rows in the quadratic program; with .03, hands that meet end in dearer poses."""
+    """Links nearer than this have rows in the quadratic program; with .03, hands that meet end in dearer poses. Half and
+    double change the costs of a clap and a kick by less than 0.05 %."""
     distance_cache_radius: float = 0.02
     """Distances of links are extrapolated along their slopes until a joint turns by more [rad]."""
     tolerated: float = 2e-4
-    """Deficit of the margin without a cost: distances bend along a step."""
+    """Deficit of the margin without a cost: distances bend along a step. Half and double change the cost of a clap and a kick
+    by nothing on the G1, by -0.1 and -0.7 % on the OP3."""
     overlap_cost: float = 1e6
-    """Cost of the squared deficit beyond that, over the squared leg."""
+    """Cost of the squared deficit beyond that, over the squared leg. Half and double change the cost of a clap and a kick by
+    0.1 and -0.2 % on the OP3 and by nothing on the G1."""
     overlap: float = 5e-4
     """Deeper interpenetration of links is not accepted [m]."""
     floor_tolerance: float = 1e-4
@@ -128,11 +132,12 @@ class RealTime:
     frequency: float = 3.3
     """An edge of π = 1/rad² is followed like a mass on a spring of this natural frequency [1/s] ..."""
     damping: float = 0.5
-    """... and this damping ratio [-]; a stronger edge is followed more closely."""
+    """... and this damping ratio [-]; a stronger edge is followed more closely. In streams of a clap and a kick on the G1 the
+    jerk is 1690 with half, 1060 with double and 1320 rad/s³ with it."""
     root_speed: float = 6.0
-    """Largest speed of the root [m/s] ..."""
+    """Largest speed of the root [m/s] (half and double change no stream of a clap and a kick) ..."""
     root_turn: float = 25.0
-    """... and its largest angular speed [rad/s]."""
+    """... and its largest angular speed [rad/s]; half and double change none of those streams."""
     drawn: float = 40.0
     """Weight that draws a delayed pose to the smooth path through the frames after it [1/rad²]."""
     gap: float = 0.1
@@ -142,7 +147,8 @@ class RealTime:
     start: int = 2 * SolveOptions.iterations
     """Steps at most to the first pose, from the standing one, which is no neighbour."""
     home_rate: float = 30.0
-    """Steps per second that another pose takes from the standing one on [1/s] ..."""
+    """Steps per second that another pose takes from the standing one on [1/s] (half lowers the limb error of those streams by
+    0.2°, double changes nothing) ..."""
     home_steps: int = SolveOptions.iterations
     """... and number of these steps before the two are compared."""
     same: float = Search.apart
@@ -151,7 +157,8 @@ class RealTime:
     """The robot moves to the second pose if it costs less than this share [-] (half and double change no stream of a clap and
     a kick on the G1 and the OP3) ..."""
     unhurried: float = 0.4
-    """... with this share of the joints' speeds on average [-]."""
+    """... with this share of the joints' speeds on average [-]: the mean limb error of those streams is 14.0° with half,
+    12.0° with double and 12.5° with it, the jerk 1050, 1690 and 1320 rad/s³."""
 
 
 @dataclass(frozen=True)
