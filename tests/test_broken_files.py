@@ -125,7 +125,7 @@ def test_a_calibration_of_nonsense_is_refused_by_key(wrong: dict[str, Any], mess
 
 
 def test_joints_at_a_million_kilometres_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(MotionError, match=r"positions must be in -1000 … 1000, got 1e\+09 at \[0, 0, 0\]"):
+    with pytest.raises(MotionError, match=r"positions must be in -10000 … 10000, got 1e\+09 at \[0, 0, 0\]"):
         load_calibration(altered(calibration_file(tmp_path), positions=np.full(WAVE.frames(0, 5).positions.shape, 1e9)))
 
 

@@ -13,7 +13,7 @@ from robot_retarget.robot.facing import BENT, hand_frames, snapped_to_axes
 # Rotations of the source's joints, and the constant between a joint and its segment.
 
 TURNED_BY = {"l_foot": "l_ankle", "r_foot": "r_ankle"}
-"""Keypoints whose joints turn a segment with another name."""
+"""The keypoint of the joint that rotates each foot."""
 UP = np.array([0.0, 0.0, 1.0])
 ARBITRARY = 1.2
 """A rotation that differs by more from the one that the body shows carries no information [rad]: of a rest pose, of fingers,
@@ -92,8 +92,8 @@ def foot_constants(
 ) -> dict[str, Floats]:
     """Return the constant (3, 3) of each foot; the flat foot corrects one that is on its toes throughout.
 
-    Without a toe, the rotation of the ankle shows the foot, which heads as the body does where it is flat. A human who never
-    stands shows no flat foot: the bent knee gives the left of the foot, and the way to the toes its forward.
+    In a skeleton without toes, a flat foot has the heading of the body, and the rotation of the ankle then gives the constant.
+    If no foot is ever flat, the axis of the bent knee is the left of the foot, and the way to the toes its forward.
 
     Args:
         x: (T, 3) per keypoint, over level ground [m].
@@ -174,7 +174,7 @@ def _levelled(motion: Motion, match: Match, side: str, x: dict[str, Floats], ahe
 
 
 def _bent(motion: Motion, match: Match, side: str, x: dict[str, Floats]) -> Floats:
-    """Return the constant (3, 3) of a foot from the bend of its leg, the toes `DROP` below the ankle where it is level."""
+    """Return the constant (3, 3) of a foot from the bend of its leg; the toes of a level foot are `DROP` below its ankle."""
     knee, ankle, toe = (x[f"{side}_{k}"] for k in ("knee", "ankle", "toe"))
     seen, level = foot_axes(knee, ankle, toe), Rotation.from_euler("y", -DROP).as_matrix()
     own = own_rotation(motion, match, f"{side}_foot")

@@ -23,10 +23,10 @@ from robot_retarget.human.up_axis import AXES, UpAxisRule, find_up_axis, levelle
 # the motion may be intended, and is only reported.
 
 HELD = 0.3
-"""Least duration of a calibration pose [s] (half changes none of 13 exporters' clips, double one note) ..."""
+"""Minimum duration of a calibration pose [s]; half changes no clip of 13 exporters, double changes one note."""
 NEAR = 0.35
-"""... whose joints are this near to their angles: knees and elbows straight, upper arms raised from the trunk [rad]. Half and
-double change one note in clips of 13 exporters."""
+"""Maximum deviation of a calibration pose from straight knees and elbows and from `RAISED` upper arms [rad]. Half and double
+change one note in clips of 13 exporters."""
 RAISED = {"T-pose": np.pi / 2, "A-pose": np.pi / 4}
 """Angle between upper arms and the way down the trunk [rad]."""
 
@@ -109,9 +109,9 @@ UNITS = {
 }
 """Metres in each unit that exporters use. The CMU library divides inches by 0.45."""
 STATURES = (1.2, 2.1)
-"""Of a body that a unit of the table is believed for [m]."""
+"""Statures between which a unit of the table is accepted [m]."""
 TALLEST = 8.0
-"""A body whose stature is more leg lengths is none [-]; adults have 2, cartoon figures 4."""
+"""Maximum stature of a body in leg lengths [-]; adults have 2, cartoon figures 4."""
 
 
 def upright(
@@ -130,7 +130,7 @@ def upright(
         up: the axis of the file that points up (`x`, `-y`, …), in place of the axis of the format or of the poses.
         repair: repair defects (`repair.repaired`); without, they are only reported.
         height: the human's stature, from which the scale is found, in place of the file's unit [m].
-        request: chooses one of several people whose joints are one tree.
+        request: chooses one of several people in one tree of joints.
 
     Raises:
         UsageError: `up` is no axis.

@@ -17,7 +17,7 @@ class Windows:
     kept: float = 1.0
     """Part of the window before that is fixed at the start of the next [s]."""
     foreseen: float = 1.0
-    """Part of a window that is solved only as foresight for the rest; the next window solves it again [s]."""
+    """End of a window that the next window solves again; it lets the frames before it prepare for what follows [s]."""
 
     def cut(self, frames: int, fps: float) -> Iterator["FrameWindow"]:
         """Yield windows that cover every frame once."""
@@ -90,8 +90,8 @@ class Search:
     reached: int = 12
     """... and maximum number of its steps."""
     dear: float = 0.2
-    """Share of these moments, the dearest, with several starts [-], besides the first and the last; with .06 the arms of the
-    OP3 stayed in a basin of up to 1.3 times the cost, with 1 clips cost the same."""
+    """Share of these moments that have several starts [-]: those of highest cost, and always the first and the last. With .06
+    the arms of the OP3 stayed in a basin of up to 1.3 times the cost; with 1 the cost of clips did not change."""
     starts: int = 8
     """Number of starts with limbs drawn within their ranges, in addition to the reference and the standing pose."""
     rough: int = 4
@@ -168,7 +168,7 @@ class Smoothing:
     passes: int = 12
     """Number of steps of every frame in a round."""
     rounds: int = 3
-    """Maximum number of rounds of passes; each places footholds anew on the path of the one before."""
+    """Maximum number of rounds of passes; each moves the footholds to the path of the round before."""
     proximal: float = 30.0
     """ρ, the weight that draws a frame to the smooth path [1/rad²]: half of it takes half the passes, but a far start
     then overshoots."""

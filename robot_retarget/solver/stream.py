@@ -204,7 +204,7 @@ class Stream:
                 follows at once.
             lag: number of frames by which a pose is delayed; a larger lag is smoother.
             kinds: the kinds of edges; None takes `stream_kinds` (`graph.kinds`).
-            native: use machine code as soon as it is ready.
+            native: compile the problem in the background and use the machine code when it is ready.
             scene: the bodies around the performer, or a file that `read_scene` reads; None takes those of the calibration, if
                 any. Each has its first pose until a frame brings another, or the pose of the joint that carries it.
             scene_scale: size of the bodies around the robot over their captured size [-]; None scales them with the human.
@@ -247,7 +247,7 @@ class Stream:
     def wait(self) -> None:
         """Wait until the machine code is ready or cannot be compiled.
 
-        Without this call the stream switches to it as soon as it is ready.
+        Without this call the stream switches to it when it is ready.
         """
         if self.performer is not None:
             self.performer.problem.wait()

@@ -41,12 +41,7 @@ class _Console(Console):
 
     def print(self, *objects: Any, **options: Any) -> None:
         """Print without the control characters of names from files, which a terminal would obey."""
-        super().print(*(plain(each) if isinstance(each, str) else each for each in objects), **options)
-
-
-def plain(text: str) -> str:
-    """Return text without control characters; lines stay."""
-    return "".join(c if c.isprintable() or c == "\n" else " " for c in text)
+        super().print(*(printable(each) if isinstance(each, str) else each for each in objects), **options)
 
 
 # Piped output is wide, so that a row of a table stays one line.
@@ -66,12 +61,12 @@ def set_quiet(quiet: bool) -> None:
 
 def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
     """Print rows under headings; numbers stand to the right."""
-    grid = Table(title=plain(title), title_justify="left", title_style="bold", box=None, pad_edge=False)
+    grid = Table(title=printable(title), title_justify="left", title_style="bold", box=None, pad_edge=False)
     for k, column in enumerate(columns):
         numbers = bool(rows) and all(isinstance(row[k], int | float) for row in rows)
         grid.add_column(column, justify="right" if numbers else "left", overflow="fold")
     for row in rows:
-        grid.add_row(*[Text(plain(_cell(value))) for value in row])
+        grid.add_row(*[Text(printable(_cell(value))) for value in row])
     out.print(grid)
     out.print()
 

@@ -23,12 +23,12 @@ class SimulateOptions(opt.JudgeOptions, opt.ServoOptions, opt.TrajectoryOptions)
         "pinned (the pelvis is held), free (standing on a floor); auto: free if solved with balance.", default="auto"
     )
     compensate: bool = option("Send goals that compensate lag and load, or the trajectory itself.", default=True)
-    backlash: float = option("Play of every joint, either way [rad]; that of an XM430 is 0.0044 (0.25°).", default=0.0)
+    backlash: float = option("Backlash of every joint, to each side [rad]; an XM430 has 0.0044 (0.25°).", default=0.0)
     objects: Literal["carried", "free"] = option(
-        "Moving bodies of the scene follow their path, or are held by friction alone.", default="carried"
+        "Moving bodies of the scene follow their path, or are free and held only by friction.", default="carried"
     )
     policy: Path | None = option(
-        "A frozen controller (.onnx with its contract beside it or in its metadata, .npz) that follows the trajectory.",
+        "A frozen controller that follows the trajectory: .npz, or .onnx with its contract in a file of the same folder or in its metadata.",
         default=None,
     )
     own_actuators: bool = option("The MJCF's actuators, no servos.", "--own-actuators", default=False)
@@ -146,9 +146,9 @@ class ScoreOptions(ColumnOptions, KnownOptions, opt.MapOptions, opt.ReadOptions)
     )
     repair: bool = option("Repair defects of the motion, as solve does.", default=False)
     policy: Path | None = option(
-        "A frozen controller, as of simulate: rank the trajectory, or those of a folder, by its falls.", default=None
+        "A frozen controller, as in simulate: rank one trajectory, or all of a folder, by its falls.", default=None
     )
-    draws: int = option("Drawn worlds in which the controller follows each, beside the nominal one.", default=2)
+    draws: int = option("Number of random worlds for the controller, besides the nominal one.", default=2)
     output: Path | None = option("A JSON file to write.", *opt.OUT, default=None)
 
 
