@@ -11,7 +11,7 @@ from made_trajectories import hold
 from robot_retarget.base.errors import TrajectoryError
 from robot_retarget.judge.report import Report
 from robot_retarget.judge.rollout import simulate
-from robot_retarget.judge.verdict import Badge
+from robot_retarget.judge.verdict import Badge, Thresholds, at_edge, judge
 from robot_retarget.robot import load_robot
 from robot_retarget.tools.cli import console
 from robot_retarget.tools.view.page import save_page
@@ -41,6 +41,21 @@ def test_every_badge_has_its_own_words() -> None:
     assert Badge(True, unlike=True, pinned=False, feedback=True).text == "pass, but unlike (free, with feedback)"
     assert Badge(False, unlike=True, pinned=False).text == "fail (free)"
     assert Badge(True, compared=False).text == "pass, likeness not judged (pinned)"
+
+
+def test_what_follows_from_another_reason_is_no_reason_of_its_own(held: Report) -> None:
+    most = Thresholds()
+    between = {"between_frames_depth_m": 0.02, "between_frames_s": 1.0, "between_frames_bodies": ["a", "b"]}
+    deeper = between | {"self_contact_depth_m": 0.03}
+    slip, fell = {"foot_slip_m": 1.0}, {"foot_slip_m": 1.0, "fall_s": 0.1, "fall_body": "head"}
+    for figures, words, named in (
+        (between, "between two frames", True),
+        (deeper, "between two frames", False),
+        (slip, "slides", True),
+        (fell, "slides", False),
+    ):
+        assert any(words in reason for reason in judge(held.figures | figures, most)) == named, figures
+    assert [at_edge({"zmp_margin_m": share * most.zmp_margin}, most) for share in (0.5, 1.5)] == [True, False]
 
 
 def test_the_likeness_of_a_file_is_judged_as_it_was_found(tmp_path: Path) -> None:
