@@ -54,7 +54,7 @@ def test_what_follows_from_another_reason_is_no_reason_of_its_own(held: Report) 
         (slip, "slides", True),
         (fell, "slides", False),
     ):
-        assert any(words in reason for reason in judge(held.figures | figures, most)) == named, figures
+        assert any(words in reason for reason in judge({**held.figures, **figures}, most)) == named, figures
     assert [at_edge({"zmp_margin_m": share * most.zmp_margin}, most) for share in (0.5, 1.5)] == [True, False]
 
 

@@ -207,7 +207,7 @@ SPOILED: dict[str, Callable[[Path], object]] = {
 @needs_compiler
 def test_a_library_that_was_tampered_with_is_compiled_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     robot, points = small()
-    function, libraries = point_function(robot, points), dict[str, Path]()
+    function, libraries, whole = point_function(robot, points), dict[str, Path](), b""
     for how, spoil in SPOILED.items():
         if "of another user" in how and os.geteuid() != 0:  # only root gives files away
             continue
