@@ -225,7 +225,7 @@ def _swings(added: Floats, rate: float) -> tuple[Floats, Floats]:
     """Return the frequency (n,) [Hz] at which each joint swings most in a window, and the amplitude (n,) [rad] of that."""
     centred = (added - added.mean(axis=0)) * np.hanning(len(added))[:, None]
     spectrum = np.abs(np.fft.rfft(centred, axis=0)) * 4 / len(added)
-    frequency = np.fft.rfftfreq(len(added), 1 / rate)
+    frequency = np.arange(len(spectrum)) * rate / len(added)
     power = (spectrum**2).sum(axis=0) + 1e-12
     spectrum[frequency < SLOWEST] = 0.0
     row, columns = spectrum.argmax(axis=0), np.arange(spectrum.shape[1])
