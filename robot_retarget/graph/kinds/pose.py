@@ -64,7 +64,8 @@ class PathKind(Kind):
     def renewed(self, track: Track, measured: Floats | None, phase: Phase) -> Track:
         """Return the height alone: balance moves the pelvis over the floor.
 
-        In a stand it is that of the standing pose, in a playback the human's, scaled: knees bend as the human's do.
+        In a stand it is that of the standing pose, in a playback the human's, scaled: knees bend as the human's do. It is no
+        higher than its median over the clip: where the human jumps, a foot of the robot stays on the floor.
         """
         if isinstance(phase, GroundedPhase):
             falls = phase.excess[:, None] != 0.0
@@ -74,7 +75,8 @@ class PathKind(Kind):
         if isinstance(phase, StandPhase):
             height, weight = measured, phase.upright if track.ends[0][0] == "pelvis" else 0.0
         else:
-            height = phase.share * track.lower + (1 - phase.share) * measured
+            highest = np.maximum(measured, np.median(track.lower, axis=0))
+            height = phase.share * np.minimum(track.lower, highest) + (1 - phase.share) * measured
             weight = phase.height
         priority = np.where([axis == "z" for axis in track.axes], weight, 0.0)
         return replace(track, lower=height, upper=height, priority=np.broadcast_to(priority, height.shape))
