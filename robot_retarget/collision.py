@@ -295,7 +295,7 @@ class Warner:
         Args:
             qpos: (nq,).
             poses: (B, 7) of the bodies of the scene, in the world of the robot; none without a scene.
-            planned: (N, nq) next frames where they are known; joints continue with their last step after them.
+            planned: (N, nq) next frames, if they are known; joints continue with their last step after them.
 
         Raises:
             TrajectoryError: it has another length, or a value that is not finite, or there are no poses for the scene.

@@ -39,7 +39,7 @@ def joined(motions: Sequence[Motion], seams: Sequence[Seam]) -> Motion:
     """Return motions one after the other, each placed where the one before has brought the performer.
 
     During a seam the pose of every joint in its parent passes over with minimum jerk,  (1 − s) a ⊕ s b,  and a foot
-    stands where it stands in both. A foot whose places differ steps.
+    keeps a place that both share. A foot with two places steps.
 
     Args:
         motions: N of one performer, at one rate.

@@ -121,7 +121,7 @@ def _read(source: TrajectorySource, hinges: Ints, other: tuple[Ints, str]) -> Co
 
 
 def _order_of(source: TrajectorySource, hinges: Ints) -> Ints:
-    """(n,) which hinge of the robot each column is, by its name where there is one; empty where one is not the robot's."""
+    """(n,) the hinge of the robot that each column names; empty if a name is not the robot's."""
     names, robot = source.options.joints or source.names(), source.robot
     if names is None:
         return hinges

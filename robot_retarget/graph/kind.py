@@ -79,7 +79,7 @@ class Phase:
     """A phase; it leaves the targets of most kinds unchanged."""
 
     def of(self, track: Track) -> Track:
-        """Return the targets of a kind without targets of its own in this phase."""
+        """Return the targets of a kind that has none for this phase."""
         return track
 
 

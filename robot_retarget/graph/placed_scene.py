@@ -6,7 +6,7 @@ lengths multiplied by s; its point on the floor goes where the human's world put
     c′ = r (c − o) + (s − r) h ẑ,    h the height of its centre over its lowest point.
 
 A point of its surface, u in its frame, becomes s u in the same frame: places of touches are kept in the object's frame,
-whatever its size.
+at any size.
 """
 
 from dataclasses import dataclass, field, replace
@@ -77,7 +77,7 @@ class PlacedScene:
     origin: Floats
     """(2,) the point of the human's floor that becomes the origin [m]."""
     lifts: Floats
-    """(B,) height of each centre over the lowest point of its body where it is lowest, in the captured size [m]."""
+    """(B,) height of each centre over the lowest point of its body, in its lowest frame and the captured size [m]."""
     _models: dict[Path, RobotAmongBodies] = field(default_factory=dict, repr=False)
 
     def __len__(self) -> int:

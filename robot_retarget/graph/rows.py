@@ -22,7 +22,7 @@ class RowState:
     reach: float
     """Surfaces farther apart need no rows [m]."""
     targets: tuple[Floats, Floats, Floats] | None = None
-    """Lower bounds, upper bounds and π (…, E) of the kind's edges; None where a repair asks for overlaps."""
+    """Lower bounds, upper bounds and π (…, E) of the kind's edges; None in a repair, which reads overlaps."""
     memory: dict[str, Any] = field(default_factory=dict)
     """State of the kind between evaluations, per solver and track."""
     threads: int = 1

@@ -31,7 +31,7 @@ class Weights:
     """π of every kind, checked; one set for all clips and robots. Errors are dimensionless: over a path, a leg, or of unit vectors.
 
     In brackets: the mean angle [°] of the limbs to the human's in a clap and a kick on the G1 with half and with double of a
-    weight; it is 4.61° as they are.
+    weight; with these weights it is 4.61°.
     """
 
     near: float = 60.0
@@ -83,7 +83,7 @@ class Weights:
     """... and for its rotation [-]."""
     inertia: float = 0.5
     """Inertia of hinges in streams, as a share of that of `RealTime.frequency` [-] (in streams of the two 10.0 and 11.0, and
-    12.5 as it is; jerk 1650 and 1280, and 1320 rad/s³) ..."""
+    12.5 with this one; jerk 1650, 1280 and 1320 rad/s³) ..."""
     inertia_leg: float = 3.0
     """... of legs, whose directions weigh more: with less inertia they follow more of the noise [-] (12.4, 12.6; jerk 1570,
     1290) ..."""
