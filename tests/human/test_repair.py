@@ -5,11 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.base.errors import MotionError
 from robot_retarget.human.capture import Capture
-from robot_retarget.human.defects import NoiseRule, noise_of, smoothed
+from robot_retarget.human.defects import NoiseRule, gaps, noise_of, smoothed
 from robot_retarget.human.readers.bvh import read_bvh
 from robot_retarget.human.recognition import recognise
 from robot_retarget.human.recognition.recognise import leg_length
@@ -60,15 +62,30 @@ def test_a_jump_of_the_root_is_bridged_and_said_with_its_frame(frames):
     assert any("The body jumps" in n and "frame 100 (3.33 s)" in n and "bridged" in n for n in mended.notes)
 
 
-def test_a_limb_that_flies_is_led_across():
-    capture, x = walk_with_a_flying_hand(60, 63)
+@given(st.floats(0.05, 6.0), st.integers(1, 20), st.integers(1, 20))
+def test_a_gap_ends_where_a_jump_half_to_twice_as_large_goes_back_no_later_than_the_longest(
+    back: float, frames: int, longest: int
+) -> None:
+    assume(min(abs(back - 0.5), abs(back - 2.0)) > 1e-6)
+    jumps, there = np.zeros((60, 3)), 10 + frames
+    jumps[10, 0], jumps[there, 0] = 1.0, -back
+    points = np.random.default_rng(0).normal(size=(61, 2, 3))  # a limb that never stands still
+    closed = 0.5 < back < 2.0 and frames <= longest
+    expected = (
+        [(11, there, max(1.0, back), True)] if closed else [(11, 11, 1.0, False), (there + 1, there + 1, back, False)]
+    )
+    assert list(gaps(jumps, points, longest)) == expected
+
+
+def test_a_limb_that_flies_for_as_long_as_a_gap_that_is_bridged_is_led_across():
+    capture, x = walk_with_a_flying_hand(60, 69)
     mended, whole = (upright(replace(capture, positions=p, rotations=None)) for p in (x, capture.positions))
     assert np.abs(mended.positions - whole.positions).max() < 0.08
-    assert any("l_arm jumps at frames 60–62 (2.00–2.07 s)" in note for note in mended.notes)
+    assert any("l_arm jumps at frames 60–68 (2.00–2.27 s)" in note for note in mended.notes)
 
 
 def test_a_limb_that_flies_for_longer_than_a_gap_that_is_bridged_is_said_and_left():
-    capture, x = walk_with_a_flying_hand(60, 75)
+    capture, x = walk_with_a_flying_hand(60, 70)
     mended, raw = (upright(replace(capture, positions=x, rotations=None), repair=repair) for repair in (True, False))
     assert any("l_arm jumps at frame" in note and "--frames" in note for note in mended.notes)
     np.testing.assert_array_equal(mended.positions, raw.positions)
@@ -82,6 +99,20 @@ def test_a_pose_that_changes_as_a_whole_is_another_take_and_no_limb_is_led_acros
     assert any("Another pose begins" in note and "frame" in note for note in mended.notes)
     assert not any("_arm jumps" in note or "_leg jumps" in note for note in mended.notes), mended.notes
     np.testing.assert_array_equal(mended.positions, raw.positions)
+
+
+@pytest.mark.parametrize("most", [False, True])
+def test_a_pose_changes_where_more_than_half_of_the_keypoints_jump(most: bool) -> None:
+    capture, leg = walk()
+    marks = recognise(capture.skeleton, capture.positions).marks
+    ends = [k for k in marks if k.partition("_")[2] in ("elbow", "wrist", "hand", "knee", "ankle", "toe", "heel")]
+    x, jumping = capture.positions.copy(), sorted(ends)[: len(marks) // 2 + most]
+    for k, keypoint in enumerate(jumping):
+        x[60:63, list(marks[keypoint].joints)] += 0.7 * leg * np.array([np.cos(k), np.sin(k), 0.0])
+    notes = upright(replace(capture, positions=x, rotations=None)).notes
+    assert len(jumping) == len(marks) // 2 + most
+    assert any("Another pose begins" in note for note in notes) == most, notes
+    assert any("_arm jumps" in note for note in notes) != most
 
 
 def test_a_head_that_flies_is_led_across():
