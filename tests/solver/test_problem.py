@@ -6,10 +6,11 @@ from shared_files import SHARED, needs_shared
 
 from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import RobotGraph, describe
+from robot_retarget.graph.track import FRAME, Role, ordered
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot, world_points
 from robot_retarget.robot.kinematics import integrate
-from robot_retarget.solver.limits import Targets, targets_of
+from robot_retarget.solver.limits import UNBOUNDED, Targets, targets_of
 from robot_retarget.solver.problem import Problem, build_problem
 
 Case = tuple[RobotGraph, Problem]
@@ -50,6 +51,27 @@ def check_gradient(case: Case, seed: int) -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_gradient_is_half_the_slope_of_the_cost(case: Case, seed: int) -> None:
     check_gradient(case, seed)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_joint_keeps_the_narrowest_of_its_own_range_and_all_its_bounds(case: Case, seed: int) -> None:
+    graph, problem = case
+    draw, robot = np.random.default_rng(seed), graph.robot
+    middle, half = draw.normal(size=(2, len(targets(graph, 7))))
+    asked = Targets(middle - np.abs(half), middle + np.abs(half), np.ones_like(half))
+    lower, upper, speed = robot.lower.copy(), robot.upper.copy(), np.full(len(robot.lower), UNBOUNDED)
+    edges = ((track, end) for track in ordered(graph.tracks) for end, _ in track.ends)
+    for (track, end), low, high in zip(edges, asked.lower, asked.upper, strict=True):
+        if track.role is Role.BOUND:
+            k = robot.joint_names.index(end)
+            if track.stencil == FRAME:
+                lower[k], upper[k] = max(lower[k], low), min(upper[k], high)
+            else:
+                speed[k] = min(speed[k], -low, high)
+    found = problem.limits.bounds(asked)
+    for mine, theirs in ((lower, found.lower), (upper, found.upper), (speed, found.speed)):
+        np.testing.assert_array_equal(mine, theirs)
+    assert (lower > robot.lower).any() and (upper < robot.upper).any() and (speed < 0).any()
 
 
 @needs_shared

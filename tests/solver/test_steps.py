@@ -1,11 +1,14 @@
-"""Steps within reach: reachable footholds stay, others come nearer, and root and swing feet follow."""
+"""Which swings are steps; reachable footholds stay, others come nearer, and root and swing feet follow."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot_retarget.solver.balance.footsteps import REACH, reachable_footholds, total_step_length
+from robot_retarget.scene.geoms import SolidGround
+from robot_retarget.scene.scene import RigidBody, Scene
+from robot_retarget.scene.shape import ShapeKind, solid
+from robot_retarget.solver.balance.footsteps import REACH, reachable_footholds, total_step_length, without_small_swings
 
 LEG = 0.25
 SOLE = np.array([[0.06, 0.04, 0.0], [0.06, -0.04, 0.0], [-0.06, 0.04, 0.0], [-0.06, -0.04, 0.0]])
@@ -25,6 +28,36 @@ def walk(step: float, turn: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     spin = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     corners[..., :2] = corners[..., :2] @ spin.T
     return planted, corners
+
+
+@pytest.mark.parametrize(
+    ("travel", "lift", "rise", "step"),
+    [
+        (0.29, 0.0, None, False),
+        (0.31, 0.0, None, True),
+        (0.0, 0.11, None, False),
+        (0.0, 0.13, None, True),
+        (0.29, 0.0, 0.055, False),
+        (0.29, 0.0, 0.065, True),
+        (0.29, 0.11, 0.0, False),
+        (0.29, 0.13, 0.0, True),
+    ],
+)
+def test_a_swing_is_a_step_when_it_goes_far_or_lifts_the_foot_or_ends_on_another_level(
+    travel: float, lift: float, rise: float | None, step: bool
+) -> None:
+    """In legs of 0.8 m, on a level floor or onto a block whose edge is 0.07 m ahead."""
+    leg, planted, corners = 0.8, np.ones((40, 2), bool), np.tile(OWN, (40, 1, 1, 1))
+    planted[10:20, 0] = False
+    corners[10:, 0, :, 0] += travel * leg
+    corners[10:20, 0, :, 2] += lift * leg
+    ground = None
+    if rise is not None:
+        height = max(rise * leg, 1e-3)
+        corners[10:, 0, :, 2] += height
+        place = np.array([0.37, 0.0, height / 2, 1, 0, 0, 0])
+        ground = SolidGround(Scene((RigidBody("block", solid(ShapeKind.BOX, (0.6, 0.4, height)), place),)))
+    assert (without_small_swings(planted, corners, leg, 30.0, ground=ground) == planted).all() == step
 
 
 def test_steps_within_reach_stay_as_they_are() -> None:

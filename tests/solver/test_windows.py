@@ -8,13 +8,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot_retarget.base.files import SAMPLES
+from robot_retarget.base.progress import Count
+from robot_retarget.graph.describe import describe
 from robot_retarget.graph.footholds import foothold_corners
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot, world_points
 from robot_retarget.robot.support import sole_corners
 from robot_retarget.solver.options import Smoothing, Windows
+from robot_retarget.solver.passes import clip_of, clip_passes
 from robot_retarget.solver.pipeline import Result, retarget
 from robot_retarget.solver.smooth import smooth_offsets
+from robot_retarget.solver.solve import problem_of
+from robot_retarget.solver.sqp import FrameSolver
 
 SHORT = Windows(3.0)
 seconds = st.floats(0.1, 5.0)
@@ -56,6 +61,20 @@ def test_a_stance_that_began_in_the_window_before_stays_where_it_was() -> None:
     corners = np.tile(np.array([[0.1, 0.05, 0], [0.1, -0.05, 0], [-0.1, 0.05, 0], [-0.1, -0.05, 0]]), (6, 1, 1))
     corners[2:, ..., 0] += 0.3  # the coarse path wanders off
     assert np.allclose(foothold_corners(np.ones((6, 4), dtype=bool), corners, fixed=2), corners[0])
+
+
+def test_known_frames_stay_to_the_last_bit_though_they_miss_a_hard_edge_and_overlap() -> None:
+    graph = describe(read_motion(SAMPLES / "clap.bvh").frames(0, 9), load_robot("op3")).unbalanced()
+    graph = graph.with_edge("l_hand", "r_hand", 0.2, hard=True)
+    solver, robot, draw = FrameSolver(problem_of(graph)), graph.robot, np.random.default_rng(0)
+    arms = robot.qpos_index[[k for k, name in enumerate(robot.joint_names) if "_sho_" in name or name.endswith("_el")]]
+    start = np.tile(robot.standing(), (9, 1))
+    while solver.depth(start[0]) < 0.01:
+        start[:, arms] = draw.uniform(-1.5, 1.5, len(arms))
+    clip = clip_of(solver, graph.tracks, Smoothing(passes=2, extra=0), graph.fps, fixed=4)
+    qpos = np.array([pose.qpos for pose in clip_passes(clip, start, Count(None, 1))])
+    np.testing.assert_array_equal(qpos[:4], start[:4])
+    assert (np.abs(qpos - start)[5:].max(axis=1) > 1e-3).all()  # the first may go back to the one before
 
 
 @pytest.fixture(scope="module")
