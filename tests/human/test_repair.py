@@ -36,12 +36,12 @@ def walk() -> tuple[Capture, float]:
     return capture, leg_length(recognise(capture.skeleton, capture.positions), capture.positions)
 
 
-def walk_with_a_flying_hand(first: int, stop: int) -> tuple[Capture, np.ndarray]:
+def walk_with_a_flying_hand(first: int, stop: int, far: float = 0.7) -> tuple[Capture, np.ndarray]:
     """The walk, and its positions with a forearm 0.7 of a leg off in some frames."""
     capture, leg = walk()
     names, x = capture.skeleton.names, capture.positions.copy()
     hand = [k for k in range(len(names)) if names.index("LeftForeArm") in capture.skeleton.above(k)]
-    x[first:stop, hand] += 0.7 * leg * np.array([0.0, 1.0, 0.0])
+    x[first:stop, hand] += far * leg * np.array([0.0, 1.0, 0.0])
     return capture, x
 
 
@@ -75,6 +75,15 @@ def test_a_gap_ends_where_a_jump_half_to_twice_as_large_goes_back_no_later_than_
         [(11, there, max(1.0, back), True)] if closed else [(11, 11, 1.0, False), (there + 1, there + 1, back, False)]
     )
     assert list(gaps(jumps, points, longest)) == expected
+
+
+@pytest.mark.parametrize("far", [0.9, 1.1])
+def test_a_limb_jumps_beyond_a_fifth_of_a_leg_and_17_g_and_the_body_beyond_a_tenth_and_5_g(far: float) -> None:
+    limb, body = (share + acceleration / 30.0**2 for share, acceleration in ((0.2, 200.0), (0.1, 60.0)))
+    capture, x = walk_with_a_flying_hand(60, 63, far * limb)
+    x[100:, :, 1] += far * body * walk()[1]
+    notes = " ".join(upright(replace(capture, positions=x, rotations=None)).notes)
+    assert ("l_arm jumps at frame" in notes, "The body jumps at frame 100" in notes) == (far > 1, far > 1), notes
 
 
 def test_a_limb_that_flies_for_as_long_as_a_gap_that_is_bridged_is_led_across():
