@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from robot_retarget.base.arrays import Floats, Ints
+from robot_retarget.base.arrays import Floats, Ints, cross, unit
 from robot_retarget.robot.links import local_points
 from robot_retarget.robot.model import Robot
 
@@ -277,18 +277,19 @@ class Boxes:
             distance[k] = mujoco.mj_geomDistance(self.model, self._data, a, b, 2 * self.reach, ends[k])
         ends = ends.reshape(-1, 2, 3)
         way = (ends[:, 1] - ends[:, 0]) / np.where(np.abs(distance) > TOUCHING, distance, np.inf)[:, None]
-        for k in np.flatnonzero(np.abs(distance) <= TOUCHING):
-            distance[k], way[k] = self._between_faces(placed, frame[[k, k]], pairs[k])
+        for k in np.flatnonzero(distance <= TOUCHING):
+            distance[k], way[k] = self._overlap(placed, frame[[k, k]], pairs[k])
         return GeomDistances(frame, distance, pairs, ends.mean(axis=1), way)
 
-    def _between_faces(self, placed: Placed, frame: Ints, pair: Ints) -> tuple[float, Floats]:
-        """Return the largest gap along a face normal of two boxes [m], negative inside, and that normal.
+    def _overlap(self, placed: Placed, frame: Ints, pair: Ints) -> tuple[float, Floats]:
+        """Return the largest gap of two boxes along the normals of their faces and pairs of edges [m], negative inside, and that normal.
 
-        `mj_geomDistance` is 0 for some boxes whose faces overlap by millimetres.
+        `mj_geomDistance` is 0 for some boxes whose faces overlap by millimetres, and up to 0.1 mm off for others.
         """
-        axes, ends = placed.matrices(frame, pair), placed.origins(frame, pair)
-        normals, way = np.concatenate([axes[0].T, axes[1].T]), ends[1] - ends[0]
-        half = [np.abs(normals @ own) @ self.sizes[box] for own, box in zip(axes, pair, strict=True)]
+        axes, way = placed.matrices(frame, pair).mT, np.diff(placed.origins(frame, pair), axis=0)[0]
+        # Of parallel edges any direction will do.
+        normals = np.concatenate([*axes, unit(cross(axes[0][:, None], axes[1]).reshape(-1, 3) + 1e-8)])
+        half = [np.abs(normals @ own.T) @ self.sizes[box] for own, box in zip(axes, pair, strict=True)]
         gap = np.abs(normals @ way) - half[0] - half[1]
         best = int(gap.argmax())
         return float(gap[best]), normals[best] * np.sign(normals[best] @ way)
