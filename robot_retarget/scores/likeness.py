@@ -136,14 +136,8 @@ class Likeness:
     """Share of the frames that the solver did not finish."""
     rushed: Bools
     """(T,) whether a joint is at its speed limit."""
-    fps: float
-    """Frames per second."""
     pair: Pair
-    """The compared keypoints ..."""
-    model: Robot
-    """... of this robot ..."""
-    qpos: Floats
-    """... in these configurations (T, nq)."""
+    """The compared keypoints of the robot, in its configurations."""
     not_standing: str = ""
     """What of the motion no robot plays that stands on its own feet; empty without any."""
 
@@ -153,7 +147,8 @@ class Likeness:
     @cached_property
     def best(self) -> dict[str, Floats]:
         """Per bone the angles that ranges of joints alone allow, at some moments from the first frame to the last [rad]."""
-        return best_bone_angles(self.model, self.pair.match, self.pair.human, self.qpos, self.fps)
+        assert self.pair.model is not None
+        return best_bone_angles(self.pair.model, self.pair.match, self.pair.human, self.pair.qpos, self.pair.fps)
 
     @property
     def far(self) -> Bools:
@@ -175,7 +170,7 @@ class Likeness:
             bone, angle, frame = self.peak()
             notes.append(
                 f"{self._counted(self.far)} the limbs are over {np.degrees(FAR):.0f}° from the human's on average; "
-                f"most {bone}, {np.degrees(angle):.0f}° at {frame / self.fps:.1f} s"
+                f"most {bone}, {np.degrees(angle):.0f}° at {frame / self.pair.fps:.1f} s"
             )
         if self.rushed.any():
             notes.append(
@@ -186,7 +181,7 @@ class Likeness:
     def _counted(self, frames: Bools) -> str:
         """How many frames, and the longest stretch of them."""
         start, stop = max(intervals(frames), key=lambda run: run[1] - run[0])
-        when = f"{start / self.fps:.1f} to {stop / self.fps:.1f} s"
+        when = f"{start / self.pair.fps:.1f} to {stop / self.pair.fps:.1f} s"
         return f"In {int(frames.sum())} of {len(frames)} frames, longest from {when},"
 
     def peak(self) -> tuple[str, float, int]:
@@ -292,14 +287,15 @@ def likeness_of(
         frames: consecutive ones that are compared; all by default.
     """
     human, qpos, match = human.at(frames), qpos[frames], human.calibration.match
-    pair = Pair(match, human.positions, world_points(robot, match.points, qpos), human.contacts, human.fps)
+    places = world_points(robot, match.points, qpos)
+    pair = Pair(match, human.positions, places, human.contacts, human.fps, robot, qpos)
     performed, moved = human_travel(human), robot_travel(pair.robot, qpos, robot, match, human.fps)
     angles = pair.bone_angles(PARTS.keys() - ({"legs"} if legs == "stand" else set()))
     path = _path_off(moved.path, match.leg_ratio * performed.path, match.robot_leg)
     rushed = _rushed(robot, qpos, human.fps)
     return Likeness(
-        angles, pair.touches.share, performed, moved, path, slowdown, stride, legs, unfinished, rushed, human.fps,
-        pair, robot, qpos, not_standing(human),
+        angles, pair.touches.share, performed, moved, path, slowdown, stride, legs, unfinished, rushed,
+        pair, not_standing(human),
     )  # fmt: skip
 
 

@@ -1,7 +1,7 @@
 """The keypoints of a human and of a robot, frame by frame: angles between their bones, and the angles that ranges of joints allow."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -11,11 +11,13 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Bools, Floats, Ints, bearing, leftward, unit
+from robot_retarget.contact.rule import SOLES
 from robot_retarget.contact.touch import HandTouches, hand_pairs, hand_touches
 from robot_retarget.human.features import features_of
 from robot_retarget.human.match import Match, match_bodies, path_weights, recognition_with
 from robot_retarget.human.motion import Motion
 from robot_retarget.robot import Anatomy, Points, Robot, override, recognise_with, world_points
+from robot_retarget.robot.distances import LinkDistances
 from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.trajectory import Trajectory
 
@@ -36,14 +38,29 @@ class Pair:
     """The human's contact schedule: per foot (T, 2), whether toe and heel stand; empty where it is not looked at."""
     fps: float = 0.0
     """Frames per second [1/s]; 0 keeps touches of any duration."""
+    model: Robot | None = None
+    """The robot ..."""
+    qpos: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    """... in configurations (T, nq); without it, touches count by keypoints alone."""
 
     @cached_property
     def touches(self) -> HandTouches:
-        """The touches of the human's hands, and which of them the robot keeps."""
+        """The touches of the human's hands, and which of them the robot keeps: by keypoints, or by surfaces that meet.
+
+        The surfaces of thick hands meet while their keypoints are farther apart than the human's.
+        """
         pairs = hand_pairs(self.match.keypoints)
-        ends = [[self.index(pair[k]) for pair in pairs] for k in range(2)]
+        ends = np.array([[self.index(pair[k]) for pair in pairs] for k in range(2)], dtype=int)
         human, robot = self.closeness(*ends) if pairs else np.zeros((2, len(self.human), 0))
-        return hand_touches(pairs, human, robot, self.fps)
+        found = hand_touches(pairs, human, robot, self.fps)
+        lost = found.human & ~found.kept
+        if self.model is None or not lost.any():
+            return found
+        frames, surfaces = lost.any(axis=1), LinkDistances(self.model, SOLES.enter_height * self.match.robot_leg)
+        meet = surfaces.along(self.qpos[frames]) < surfaces.reach
+        links = np.sort(np.asarray(self.model.model.body_weldid)[self.match.points.bodies[ends.T]])
+        lost[frames] &= ((surfaces.links == links[:, None]).all(axis=2) @ meet.T > 0).T
+        return replace(found, kept=found.kept | lost)
 
     @cached_property
     def seen(self) -> tuple[Floats, Floats]:
@@ -286,4 +303,4 @@ def pair_of(trajectory: Trajectory, robot: Robot, motion: Motion, body: Body, li
     described = motion.resample(trajectory.fps)
     at = np.round((trajectory.source_time - motion.start_time) * described.fps).astype(int).clip(0, len(described) - 1)
     contacts = {foot: stands[at] for foot, stands in features_of(described, found).contacts.items()}
-    return Pair(found.among(keypoints, human, own), human, own, contacts, trajectory.fps)
+    return Pair(found.among(keypoints, human, own), human, own, contacts, trajectory.fps, robot, trajectory.qpos)

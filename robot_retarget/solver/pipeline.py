@@ -143,12 +143,12 @@ class SolveArguments(TypedDict, total=False):
     """Passes over the whole clip."""
     legs: Legs
     """With balance, `follow` tracks the human's legs and `stand` keeps both feet in place. `auto`, the default, follows if the
-    result is like the human's motion (`balance.Acceptable`), and otherwise stands and adds a note."""
+    result is like the human's motion (`likeness.Alike`), and otherwise stands and adds a note."""
     balance: Balance
     """`static` keeps the centre of mass over the planted soles, `dynamic` the zero moment point. Both begin and end in a balanced
     stand and slow the motion down where necessary. `off` changes nothing. `auto`, the default, is off for robots without a servo
     map (next to their MJCF, or given), and static for legs that stand. For other legs it is static, and dynamic where steps in
-    static balance are not `balance.Acceptable`."""
+    static balance are unlike the human's motion."""
     progress: Progress | None
     """Receives (steps done, steps in all) of draft and balance together; the second number may grow."""
 

@@ -5,7 +5,7 @@
 The last step is a second retargeting: the human's edges at the playback's pace, plus footholds and centre of mass.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
@@ -18,7 +18,7 @@ from robot_retarget.human.features import require_own_feet
 from robot_retarget.human.resample import at_frames
 from robot_retarget.robot import Robot
 from robot_retarget.scene.geoms import SolidGround
-from robot_retarget.scores.likeness import likeness_of
+from robot_retarget.scores.likeness import Alike, likeness_of
 from robot_retarget.solver.balance.balanced_ik import (
     BalancedIk,
     balanced_stand,
@@ -78,19 +78,9 @@ def balance_modes(robot: Robot, legs: str, balance: str) -> tuple[str, ...]:
     return modes
 
 
-@dataclass(frozen=True)
-class Acceptable:
-    """Limits of a playback with following legs; beyond them shorter steps are tried, then the next mode, then both feet in place."""
-
-    slowdown: float = 2.5
-    """Duration, over the human's [-]."""
-    legs: float = 0.45
-    """Mean angle of thighs and shins to the human's [rad]."""
-    trunk: float = 0.25
-    """Mean angle of the trunk [rad]."""
-    margin: float = 0.035
-    """Least distance of the zero moment point from the edge of the support, over the leg: 7.7 mm on the OP3, which falls in
-    `test_freebvh_walk` with 5.7 mm [-]."""
+MARGIN = 0.035
+"""Least distance of the zero moment point from the edge of the support, over the leg: 7.7 mm on the OP3, which falls in
+`test_freebvh_walk` with 5.7 mm [-]."""
 
 
 def in_balance(
@@ -120,7 +110,7 @@ def in_balance(
     if legs != "stand":
         try:
             require_own_feet(graph.human.activity)
-            return _following(ik, draft, modes, count, Acceptable() if legs == "auto" else None)
+            return _following(ik, draft, modes, count, Alike() if legs == "auto" else None)
         except BalanceError as error:
             if legs == "follow":
                 raise
@@ -130,15 +120,15 @@ def in_balance(
 
 
 def _following(
-    ik: BalancedIk, draft: Solution, modes: tuple[str, ...], count: Count, acceptable: Acceptable | None
+    ik: BalancedIk, draft: Solution, modes: tuple[str, ...], count: Count, most: Alike | None
 ) -> tuple[Balanced, RobotGraph, Solution]:
-    """Return a playback with the human's steps, or else with shorter ones, in the first mode in which it is acceptable.
+    """Return a playback with the human's steps, or else with shorter ones, in the first mode in which it is like the human's motion.
 
     Args:
-        acceptable: limits of the last attempt.
+        most: limits of the last attempt.
 
     Raises:
-        BalanceError: the motion leaves the floor, or no attempt is acceptable.
+        BalanceError: the motion leaves the floor, or no attempt keeps to the limits.
     """
     planned = _stepping(ik, draft.trajectory.qpos)
     if planned.planted.all():  # nothing is lost in static balance
@@ -149,10 +139,10 @@ def _following(
         attempts = [(mode, clip) for mode in modes for clip in steps[mode]]
     for mode, clip in attempts[:-1]:
         try:
-            return _played_as(ik, draft, clip, mode, count, Acceptable())
+            return _played_as(ik, draft, clip, mode, count, Alike())
         except BalanceError:
             continue
-    return _played_as(ik, draft, attempts[-1][1], attempts[-1][0], count, acceptable)
+    return _played_as(ik, draft, attempts[-1][1], attempts[-1][0], count, most)
 
 
 def _require_margin(found: Balanced, least: float) -> None:
@@ -162,31 +152,31 @@ def _require_margin(found: Balanced, least: float) -> None:
         raise BalanceError(f"stepping would tip the robot over at {worst / found.timeline.fps:.1f} s of the playback")
 
 
-def _require_alike(graph: RobotGraph, qpos: Floats, frames: np.ndarray, most: Acceptable) -> None:
+def _require_alike(graph: RobotGraph, qpos: Floats, frames: np.ndarray, most: Alike) -> None:
     """Raises: BalanceError: legs or trunk are too far from the human's."""
     likeness = likeness_of(graph.human, graph.robot, qpos, frames)
-    for part, bound in (("legs", most.legs), ("trunk", most.trunk)):
+    for part, bound in (("legs", most.unlike_legs), ("trunk", most.unlike_trunk)):
         off = likeness.part(part) or 0.0
         if off > bound and likeness.beyond(part) > bound:
             raise BalanceError(f"stepping would turn the {part} {np.degrees(off):.0f}° from the human's")
 
 
 def _played_as(
-    ik: BalancedIk, draft: Solution, clip: PlaybackClip, mode: str, count: Count, acceptable: Acceptable | None = None
+    ik: BalancedIk, draft: Solution, clip: PlaybackClip, mode: str, count: Count, most: Alike | None = None
 ) -> tuple[Balanced, RobotGraph, Solution]:
     """Return the playback of a clip in a mode of balance.
 
     Raises:
-        BalanceError: the result is not acceptable.
+        BalanceError: the result exceeds limits, or comes nearer than `MARGIN` to the edge of the support.
     """
-    slowest = acceptable.slowdown if acceptable else np.inf
+    slowest = most.unlike_slowdown if most else np.inf
     found = replace(paced(ik, clip, STATIC if mode == "static" else DYNAMIC, count, slowest), mode=mode)
     frames = np.round(found.timeline.at).astype(int)
     motion = at_frames(clip.graph.motion, found.timeline.at, ik.graph.fps)
     played = replace(clip.graph.at(frames), motion=motion, tracks=found.tracks)
-    if acceptable:
-        _require_margin(found, acceptable.margin * ik.leg)
-        _require_alike(played, found.qpos, found.timeline.share >= 1, acceptable)
+    if most:
+        _require_margin(found, MARGIN * ik.leg)
+        _require_alike(played, found.qpos, found.timeline.share >= 1, most)
     solution = solution_of(ik.solver, played, list(found.poses), draft.timings)
     times = np.interp(found.timeline.at, np.arange(len(ik.graph)), draft.trajectory.source_time)
     return found, played, replace(solution, trajectory=replace(solution.trajectory, balance=mode, source_time=times))

@@ -56,8 +56,6 @@ class BalanceOptions:
     """π of the pelvis' orientation in a stand, and of its joints at their standing angles [1/rad²] ..."""
     standing: float = 1.0
     """... from which a lead-in starts and at which a lead-out ends."""
-    crouch: float = 0.0
-    """Depth of a stand's pelvis below that of the robot's standing pose."""
 
 
 class BalancedIk:
@@ -178,19 +176,33 @@ def with_bent_knees(graph: RobotGraph, bent: float) -> RobotGraph:
 
 
 def with_margin(graph: RobotGraph, margin: float, between: tuple[set[str], set[str]] | None = None) -> RobotGraph:
-    """Return the graph with a margin between surfaces of links [m]; bodies keep theirs, which feet come near to on purpose.
+    """Return the graph with a margin between surfaces of links [m], which fades out where the human's parts touch.
+
+    Bodies keep theirs, which feet come near to on purpose.
 
     Args:
         between: only between these links and those, by their names; by default between all.
     """
     kinds = [(track.role, track.kind.form, track.kind.bodies(track)) for track in graph.tracks]
     tracks = (
-        track.bounded(np.where((track.lower > 0) & _joining(track, between), margin, track.lower), np.inf)
+        track.bounded(np.where(_joining(track, between), _faded(graph, track, margin), track.lower), np.inf)
         if kind == (Role.INEQUALITY, Form.NUMERIC, None)
         else track
         for track, kind in zip(graph.tracks, kinds, strict=True)
     )
     return replace(graph, tracks=tuple(tracks))
+
+
+def _faded(graph: RobotGraph, track: Track, margin: float) -> Floats:
+    """Return (T, E) margins of links [m]: at the strength s of a touch m − s (m − own), and 0 where it was 0."""
+    faded, model = np.where(track.lower > 0, margin, track.lower), graph.robot.model
+    touches = [each for each in graph.tracks if each.name == "touch"]
+    for touch, k in ((each, k) for each in touches for k in np.flatnonzero(each.priority.any(axis=0))):
+        sites = (graph.match.anatomy.sites[end].body for end in touch.ends[k])
+        joined = track.joins(*(model.body(int(model.body_weldid[body])).name for body in sites))
+        share = np.minimum(touch.priority[:, k : k + 1] / graph.weights.touch, 1.0)
+        faded[:, joined] = np.minimum(faded, margin - share * (margin - track.lower))[:, joined]
+    return faded
 
 
 def _joining(track: Track, between: tuple[set[str], set[str]] | None) -> np.ndarray:
@@ -228,7 +240,7 @@ def balanced_stand(ik: BalancedIk, places: Floats, frame: int = 0) -> Floats:
     posed, spin = np.array(ik.robot.standing()), Rotation.from_euler("z", turn)
     root = posed[address : address + 3] - own.mean(axis=(0, 1))
     posed[address : address + 3] = spin.apply(root) + places.mean(axis=(0, 1))
-    posed[address + 2] -= (ik.corners(posed[None])[0] - places)[..., 2].mean() + ik.options.crouch * ik.leg
+    posed[address + 2] -= (ik.corners(posed[None])[0] - places)[..., 2].mean()
     turned = spin * Rotation.from_quat(posed[address + 3 : address + 7], scalar_first=True)
     posed[address + 3 : address + 7] = turned.as_quat(scalar_first=True)
     return ik.stand(posed, places, support(places.reshape(-1, 3)).middle, frame)

@@ -338,14 +338,10 @@ def _envelope(heights: Floats) -> Floats:
     """Return the lowest concave sequence (S,) that is nowhere under `heights`."""
     kept: list[int] = []
     for k in range(len(heights)):
-        while len(kept) > 1 and _dips(heights, kept[-2], kept[-1], k):
+        while len(kept) > 1 and np.interp(kept[-1], [kept[-2], k], heights[[kept[-2], k]]) >= heights[kept[-1]]:
             kept.pop()
         kept.append(k)
     return np.interp(np.arange(len(heights)), kept, heights[kept])
-
-
-def _dips(heights: Floats, a: int, b: int, c: int) -> bool:
-    return bool((heights[b] - heights[a]) * (c - a) <= (heights[c] - heights[a]) * (b - a))
 
 
 def _set_apart(places: Floats, planted: np.ndarray, gap: float) -> Floats:

@@ -1,7 +1,6 @@
 """A clip laid out in time, from a stand at its pace into a stand, with its targets and its supports."""
 
 from dataclasses import dataclass, field
-from functools import cache
 from typing import Any
 
 import casadi as ca
@@ -40,8 +39,6 @@ class Steadiness:
     """Whether the centre of mass itself stays inside, not only the zero moment point."""
     jerk: float = 1e-4
     """Weight of the squared third derivative [s⁶]."""
-    pull: float = 1.0
-    """Weight of the target path."""
     middle: float = 0.0
     """Weight of the zero moment point's distance from the middle of the support."""
     penalty: float = 1e5
@@ -94,10 +91,10 @@ def plan_centre(
     inside = [_inside(shrunk, sparse.eye(count), None)] if how.static else []
     rows, least = zip(*inside, _inside(shrunk, point, drift), strict=True)
     third = _third(count) * fps**3
-    smooth = how.jerk * (third.T @ third) + how.pull * sparse.eye(count) + how.middle * (point.T @ point)
+    smooth = how.jerk * (third.T @ third) + sparse.eye(count) + how.middle * (point.T @ point)
     hessian = 2 * sparse.block_diag([smooth, smooth, how.penalty * sparse.eye(count)], format="csc")
     middles = np.array([polygon.middle for polygon in supports]) - (0.0 if drift is None else drift)
-    wanted = how.pull * targets + how.middle * (point.T @ middles)
+    wanted = targets + how.middle * (point.T @ middles)
     gradient = np.concatenate([-2 * wanted[:, 0], -2 * wanted[:, 1], np.zeros(count)])
     found = _solve(hessian, gradient, sparse.vstack(rows, format="csc"), np.concatenate(least))
     centre = found[: 2 * count].reshape(2, count).T
@@ -153,7 +150,6 @@ def _second(count: int) -> Any:
     return matrix.tocsr()
 
 
-@cache
 def _third(count: int) -> Any:
     return _bands([-1.0, 3.0, -3.0, 1.0], 0, (max(count - 3, 0), count)).tocsr()
 

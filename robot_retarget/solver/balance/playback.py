@@ -170,11 +170,6 @@ def motion_needs(
 
 QUICK = 0.04
 """Servos do not follow faster changes [s]: the zero moment point is computed from a motion smoothed over this time."""
-ASIDE = 0.1
-"""A joint of arms or head with a larger correction may be in another basin [rad]."""
-WORTH = 2.0
-"""Arms and head start from the correction of the frame before only if that is cheaper than their target by this
-factor."""
 SWEEP = 1.6
 """Least duration of a swing over that of a leg at its usable speed [-]: with 1.3 the OP3 (0.39 s for its longest step) falls in 1 of 4 drawn
 worlds of its fastest walk."""
@@ -352,24 +347,12 @@ def played(ik: BalancedIk, clip: PlaybackClip, plan: PlaybackPlan, count: Count,
 
 
 def _sequential_starts(ik: BalancedIk, plan: PlaybackPlan, clip: ClipProblem, count: Count) -> list[Floats]:
-    """Return (K, nq) starts of the passes: each frame starts from the correction of the frame before.
-
-    Arms and head also start from their target, and the cheaper result wins. Arms in another basin would not leave it
-    again. Arms that avoid a leaning trunk would meet it again at every frame.
-    """
+    """Return (K, nq) starts of the passes: root and legs of each frame start from the correction of the frame before, arms and head from their target."""
     robot, found, correction = ik.robot, [], np.zeros(ik.robot.model.nv)
     carried = ~np.isin(np.arange(robot.model.nv), robot.dof_index) | ik.leg_dofs
     for k, targets in enumerate(plan.targets):
-        starts = [np.where(carried, correction, 0.0)]
-        if np.abs(correction - starts[0]).max() > ASIDE:
-            starts.append(correction)
-        poses = [
-            ik.solver.solve_frame(
-                integrate(robot, targets, start), clip.all_targets.at(k), iterations=8, tolerance=1e-4
-            )
-            for start in starts
-        ]
-        pose = min(poses, key=lambda pose: pose.cost * (1 if pose is poses[0] else WORTH))
+        start = integrate(robot, targets, np.where(carried, correction, 0.0))
+        pose = ik.solver.solve_frame(start, clip.all_targets.at(k), iterations=8, tolerance=1e-4)
         correction = difference(robot, targets, pose.qpos)
         found.append(pose.qpos)
         count.advance(IN_TURN)
