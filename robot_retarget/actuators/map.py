@@ -8,14 +8,14 @@ Radians outside, ticks inside the two functions that convert.
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from math import pi, tau
 from pathlib import Path
 from typing import Any
 
 from robot_retarget.actuators.balance_tables import Balance, Bounds, Imu, MapError, require_bounds, within
 from robot_retarget.actuators.control_tables import BAUDS, CENTRE, LAST_POSITION, Model, model_named
-from robot_retarget.actuators.motors import TICKS_PER_TURN
+from robot_retarget.actuators.motors import TICKS_PER_TURN, MotorModel
 from robot_retarget.base.errors import ServoError, known
 from robot_retarget.base.files import MODELS as SHIPPED
 from robot_retarget.base.untrusted.documents import line_of, parse_toml, read_text
@@ -40,6 +40,8 @@ class Servo:
     """[rad]."""
     upper: float = field(default=pi, metadata=within(-4 * pi, 4 * pi, "rad"))
     """[rad]."""
+    p_gain: int = field(default=0, metadata=within(0, 16383))
+    """Register `position_p_gain`, written before torque is switched on; 0 leaves it, and stands for the factory's."""
 
     def __post_init__(self) -> None:
         require_bounds(self, f"{self.joint}: ")
@@ -60,6 +62,11 @@ class Servo:
     def type(self) -> Model:
         """The servo's datasheet."""
         return model_named(self.model)
+
+    @property
+    def motor(self) -> MotorModel:
+        """The motor of the datasheet, at the gain of the map."""
+        return replace(self.type.motor, p_gain=self.p_gain or self.type.motor.p_gain)
 
     def ticks(self, radians: float) -> int:
         """The nearest position of the servo for a joint angle."""
@@ -187,17 +194,12 @@ class ServoMap:
         for what, values in (("joint", self.joints), ("id", self.ids)):
             twice = [servo for k, servo in enumerate(self.servos) if values[k] in values[:k]]
             if twice:
-                raise MapError(
-                    f"{what} {getattr(twice[0], what)} stands twice in the map", "servo", twice[0].joint, what
-                )
+                message = f"{what} {getattr(twice[0], what)} stands twice in the map"
+                raise MapError(message, "servo", twice[0].joint, what)
         for joint, angle in self.stop.pose.items():
             if joint not in self.joints:
-                raise MapError(
-                    f"[stop] pose names {joint!r}, which has no servo; {known(self.joints, typed=joint)}",
-                    "stop",
-                    "pose",
-                    joint,
-                )
+                message = f"[stop] pose names {joint!r}, which has no servo; {known(self.joints, typed=joint)}"
+                raise MapError(message, "stop", "pose", joint)
             servo = self[joint]
             Bounds(servo.lower, servo.upper, "rad").require(f"[stop] pose of {joint}", angle, "stop", "pose", joint)
         self._require_sensor()
@@ -234,11 +236,13 @@ class ServoMap:
 
     @property
     def fingerprint(self) -> str:
-        """The sha256 of all that a verdict depends on: robot, joints, models, gears, ranges, speed, step cap, identified servos.
+        """The sha256 of all that a verdict depends on: robot, joints, models, gears, gains, ranges, speed, step cap, identified servos.
 
         Ids, signs, zeros and the bus differ between two robots of one kind and are left out.
         """
-        servos = sorted((s.joint, s.type.name, float(s.gear), float(s.lower), float(s.upper)) for s in self.servos)
+        servos = sorted(
+            (s.joint, s.motor.name, s.motor.p_gain, float(s.gear), float(s.lower), float(s.upper)) for s in self.servos
+        )
         identified = sorted((model, *map(float, vars(found).values())) for model, found in self.identified.items())
         rest = [self.robot, servos, float(self.limits.speed), float(self.limits.jump), identified]
         return hashlib.sha256(json.dumps(rest).encode()).hexdigest()

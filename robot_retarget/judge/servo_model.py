@@ -172,7 +172,7 @@ class Drives:
 
 
 def drives_of(robot: Robot) -> Drives | None:
-    """The servos of the robot's map at their nominal voltage and factory gains, or None for a robot without servos.
+    """The servos of the robot's map at their nominal voltage and the map's gains, or None for a robot without servos.
 
     Raises:
         RobotError: a hinge has no servo.
@@ -185,7 +185,7 @@ def drives_of(robot: Robot) -> Drives | None:
         raise RobotError(f"{robot.name}: no servo for the joint {bare[0]!r}")
     servos = [servo_map[joint] for joint in robot.joint_names]
     gears = np.array([servo.gear for servo in servos])
-    found = drives([motor_named(servo.model) for servo in servos], gears)
+    found = drives([servo.motor for servo in servos], gears)
     own = [servo_map.identified.get(model) for model in found.models]
     if not any(own):
         return found

@@ -239,12 +239,8 @@ def _upright(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Whether the simulation and the robot came to the end."""
     reasons = []
     if figures["unstable_s"] is not None:
-        reasons.append(
-            (
-                f"the simulation broke down at {figures['unstable_s']:g} s",
-                "check masses, inertias and gains of the model",
-            )
-        )
+        broke = f"the simulation broke down at {figures['unstable_s']:g} s"
+        reasons.append((broke, "check masses, inertias and gains of the model"))
     if figures.get("fall_s") is not None:
         when = f"at {figures['fall_s']:g} s" if figures["fall_s"] >= 0 else "in the first pose, before it began to move"
         body = figures["fall_body"]

@@ -124,7 +124,8 @@ def _toddlerbot_motors(table: dict[str, Any], name: str, model: str | None) -> S
 
 def _toddlerbot_servo(joint: str, identity: int, spec: str, entry: dict[str, Any], lower: float, upper: float) -> Servo:
     zero = round(float(entry["init_pos"]) * TICKS_PER_RADIAN)
-    return Servo(joint, identity, _model(TODDLERBOT.get(spec, spec)), zero=zero, lower=lower, upper=upper)
+    gain = round(float(entry.get("kp_real", entry.get("kp", 0))))
+    return Servo(joint, identity, _model(TODDLERBOT.get(spec, spec)), zero=zero, lower=lower, upper=upper, p_gain=gain)
 
 
 def _all_have(table: Any, key: str) -> bool:

@@ -132,7 +132,7 @@ def fit(sent: Floats, present: Floats, rate: float, servo: Servo, pendulum: Pend
     """
     from scipy.optimize import least_squares
 
-    motor, times = servo.type.motor, np.arange(len(sent)) / rate
+    motor, times = servo.motor, np.arange(len(sent)) / rate
     steps = round(1 / (rate * STEP))
     fine = np.arange(steps * len(sent)) * STEP
 
@@ -207,7 +207,7 @@ def simulated(
         parameters: armature [kg m²], friction [N m], drag [N m s/rad] and gain factor [-], at the servo's shaft.
     """
     armature, friction, drag, gain = parameters
-    motor, gear = servo.type.motor, servo.gear
+    motor, gear = servo.motor, servo.gear
     limit = gear * motor.stall_at(voltage)
     stiffness, brake = (gear * gain * limit * duty for duty in (motor.duty_per_error(), motor.duty_per_speed()))
     load = inertia + gear**2 * armature, gear**2 * drag, gear * friction

@@ -28,7 +28,7 @@ gain."""
 
 
 def take_hold(link: Link, judge: Judge) -> Guard:
-    """Goal := present, then torque, servo by servo; nothing moves. Servos with torque on keep it.
+    """Goal := present, a gain of the map, then torque, servo by servo; nothing moves. Servos with torque on keep it.
 
     Raises:
         FaultError: a servo does not answer, is outside its range, or does not keep its goal.
@@ -42,6 +42,8 @@ def take_hold(link: Link, judge: Judge) -> Guard:
     for k, servo in enumerate(link.map.servos):
         if not link.write_verified(goals, k):
             raise FaultError(f"{servo.joint} does not keep its goal")
+        if servo.p_gain:
+            link.bus.write(servo.id, servo.type.registers["position_p_gain"], servo.p_gain)
         link.bus.write(servo.id, servo.type.registers["torque_enable"], 1)
         link.torque[k] = True
     link.watchdog(link.map.limits.watchdog)

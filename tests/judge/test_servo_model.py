@@ -95,6 +95,28 @@ def test_the_stiffness_is_that_of_the_p_gain_register():
     np.testing.assert_allclose(servo.stall_torque / servo.stiffness, 0.217, rtol=2e-3)
 
 
+@pytest.mark.parametrize("name", ["op3", "toddler_class"])
+def test_an_ankle_of_a_shipped_robot_is_stiffer_than_its_weight_tips(name: str) -> None:
+    """On one foot the robot is a pendulum of height h on the ankle's servo: below m g h it tips over open loop."""
+    robot, data = load_robot(name), mujoco.MjData(load_robot(name).model)
+    data.qpos[:] = robot.standing()
+    mujoco.mj_forward(robot.model, data)
+    tips = robot.model.body_mass.sum() * robot.gravity * data.subtree_com[robot.root_body][2]
+    servo = drives_of(robot)
+    assert servo is not None
+    ankles = [k for k, joint in enumerate(robot.joint_names) if "ank" in joint]
+    assert len(ankles) == 4 and servo.stiffness[ankles].min() > 1.5 * tips
+
+
+def test_a_gain_of_the_map_is_that_of_the_simulation_and_makes_another_report_necessary() -> None:
+    assert OP3.servo_map is not None
+    doubled = replace(OP3.servo_map, servos=tuple(replace(s, p_gain=1600) for s in OP3.servo_map.servos))
+    usual, stiff = drives_of(OP3), drives_of(replace(OP3, servo_map=doubled))
+    assert usual is not None and stiff is not None
+    np.testing.assert_allclose(stiff.stiffness, 2 * usual.stiffness)
+    assert doubled.fingerprint != OP3.servo_map.fingerprint
+
+
 def test_a_gear_trades_speed_for_torque():
     direct, geared = (drives([MOTORS["XC330-T288"]], np.array([g])) for g in (1.0, 3.0))
     assert geared.stall_torque / direct.stall_torque == pytest.approx(3)

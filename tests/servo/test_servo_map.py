@@ -202,14 +202,15 @@ def test_a_pypot_configuration_becomes_a_map(tmp_path: Path) -> None:
 def test_a_toddlerbot_configuration_becomes_a_map_of_motors_that_turn_their_own_joints(tmp_path: Path) -> None:
     path = tmp_path / "toddler.json"
     drive = {"is_passive": False, "transmission": "gear", "id": 3, "type": "dynamixel", "spec": "XC330"}
-    drive |= {"gear_ratio": 0.9, "init_pos": pi, "lower_limit": -1, "upper_limit": 1.5}
+    drive |= {"gear_ratio": 0.9, "kp_real": 1500.0, "init_pos": pi, "lower_limit": -1, "upper_limit": 1.5}
     driven = {"is_passive": True, "transmission": "gear", "lower_limit": -0.9, "upper_limit": 1.35}
     joints = {"neck_yaw_drive": drive, "neck_yaw_driven": driven}
     path.write_text(json.dumps({"general": {"dynamixel_baudrate": 1_000_000}, "joints": joints}))
     read = read_foreign(path)
     (servo,) = read.servos
     assert (servo.joint, servo.zero, servo.gear, servo.upper) == ("neck_yaw_drive", 2048, 1.0, 1.5)
-    assert (servo.type.name, read.baud, read.passive) == ("XC330-T288", 1_000_000, ("neck_yaw_driven",))
+    assert (servo.type.name, servo.motor.p_gain, read.baud) == ("XC330-T288", 1500, 1_000_000)
+    assert read.passive == ("neck_yaw_driven",)
     again = tmp_path / "again.toml"
     again.write_text(dump_map(read), encoding="utf-8")
     assert load_map(again) == read

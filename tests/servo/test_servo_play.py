@@ -316,6 +316,15 @@ def test_taking_hold_moves_nothing_from_250_random_poses(emulator: Emulated) -> 
     assert max(s["largest_step"] for s in seen.values()) <= 2
 
 
+def test_taking_hold_writes_the_gains_of_the_map(emulator: Emulated) -> None:
+    chosen = replace(ARM, servos=(*ARM.servos[:-1], replace(ARM.servos[-1], p_gain=1234)))
+    with Bus(emulator.port, ARM.baud, lockstep=True) as bus:
+        link = Link(bus, chosen, require_fit(bus, chosen)[0])
+        take_hold(link, Judge(link))
+        found = [bus.value(servo.id, servo.type.registers["position_p_gain"]) for servo in ARM.servos]
+    assert found == [*(servo.type.motor.p_gain for servo in ARM.servos[:-1]), 1234]
+
+
 def assert_match(pattern: str, text: str) -> None:
     with pytest.raises(ServoError, match=pattern):
         raise ServoError(text)
