@@ -138,16 +138,18 @@ class Balance:
     joints: Mapping[str, JointGain] = field(default_factory=dict)
     """Gains by joint."""
     bound: float = field(default=0.2, metadata=within(0, 1, "rad"))
-    """Largest angle that the feedback adds to a goal [rad] ..."""
+    """Largest angle that the feedback adds to a goal [rad]: 15 times the 0.013 measured in 17 clips of the OP3."""
     speed: float = field(default=3.0, metadata=within(0.05, 20, "rad/s"))
-    """... and largest rate of this angle [rad/s]."""
+    """Largest rate of this angle [rad/s]: `bound` in 67 ms, about the 57 ms by which an XM430 follows."""
     fusion: float = field(default=1.0, metadata=within(0.05, 60, "s"))
     """Time constant with which the accelerometer corrects the gyroscope's tilt [s]."""
     fade: float = field(default=0.3, metadata=within(0.01, 5, "s"))
-    """Duration of the fade-in at the start, and of the fade-out after a sensor fault [s]."""
+    """Duration of the fade-in at the start, and of the fade-out after a sensor fault [s]: five times those 57 ms."""
     stop_roll: float = field(default=0.5, metadata=within(0.05, 1.6, "rad"))
+    """In roll ..."""
     stop_pitch: float = field(default=0.5, metadata=within(0.05, 1.6, "rad"))
-    """With a larger excess tilt the robot is falling: it crouches and stops [rad]."""
+    """... and in pitch: with a larger excess tilt the robot is falling: it crouches and stops [rad]. Twice the 0.25 rad at which the OP3's centre of mass,
+    0.254 m high, is over the edge of its soles of 0.127 m."""
 
     def __post_init__(self) -> None:
         require_bounds(self, "balance: ")

@@ -121,7 +121,7 @@ an error of scale of 0.03."""
 NOISY = 5.0
 """Noise above this multiple of the data sheet's standard deviation is a fault."""
 STRAY = 0.35
-"""Largest lean of the trunk from the plan at rest, floor and bias together [rad]."""
+"""Largest lean of the trunk from the plan at rest, floor and bias together [rad]: 20°, between the 3° of a floor and the 90° of exchanged axes."""
 
 
 class Monitor:

@@ -22,7 +22,7 @@ LOST = 0.5
 SOLID = 1 << 29
 """Contact type of bodies for solid geoms of the robot: a model may list its contacts by pairs instead of types."""
 STIFF = 0.01
-"""Time constant of a free body's contacts [s]."""
+"""Time constant of a free body's contacts [s]: half of MuJoCo's default of 0.02."""
 TURNING = 4
 """Dimensions of contacts of free bodies (MuJoCo's `condim`): with friction against turning about the normal, as of a palm."""
 

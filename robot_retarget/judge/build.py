@@ -28,7 +28,8 @@ from robot_retarget.scene.scene import Scene
 FULL_TORQUE_ERROR = 0.2
 """An added servo pulls with all its torque at this error [rad]; an XM430 at its default gain does at 0.217."""
 OPEN_STIFFNESS = 20.0
-"""Where no torque bound is known, an added servo swings its limb at this rate without damping [rad/s]."""
+"""Where no torque bound is known, an added servo swings its limb at this rate without damping [rad/s]: an XM430 of 18.9 N m/rad swings its
+rotor of 0.045 kg m² at 20.5."""
 DAMPING_RATIO = 0.7
 """Damping of an added servo, as a part of critical [-]: it overshoots by 5 %."""
 HEAVY = 1e6

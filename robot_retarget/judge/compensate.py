@@ -186,9 +186,9 @@ class _Grasp:
 
 
 SMOOTHING = 0.02
-"""Inverse dynamics uses accelerations averaged over a window of this standard deviation [s]; servos do not follow faster ones."""
+"""Inverse dynamics uses accelerations averaged over a window of this standard deviation [s]: an XM430 follows 57 ms late, and no faster ones."""
 SLOW = 0.05
-"""Dry friction reverses within ± this speed [rad/s]."""
+"""Dry friction reverses within ± this speed [rad/s]: two units of 0.024 rad/s, in which an XM430 states its speed (data sheet)."""
 USABLE = 0.95
 """Of the torque bound that a goal may ask for."""
 

@@ -154,7 +154,7 @@ ACTIVE = 0.01
 WINDOW = 1.0
 """Oscillations are looked for in windows of this length [s] ..."""
 SLOWEST = 2.0
-"""... at this frequency and above [Hz]; a lean that the robot recovers from is slower."""
+"""... at this frequency and above [Hz]: twice the 1 Hz of a pendulum as high as the OP3's centre of mass, at which a lean comes and goes."""
 SUSTAINED = 0.03
 """Amplitude of an oscillation that is refused [rad]: backlash and rounding of an XM430 excite less than a third of it."""
 PURE = 0.5

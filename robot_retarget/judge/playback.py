@@ -156,7 +156,7 @@ def _set_on_floor(model: mujoco.MjModel, data: mujoco.MjData) -> None:
 # Step the physics: the plant's servos follow a trajectory, and every state is recorded.
 
 SPEED_LIMIT = 1e3
-"""The integration has failed if a coordinate is faster than this [m/s, rad/s]."""
+"""The integration has failed if a coordinate is faster than this [m/s, rad/s]: 25 times the 40 rad/s of the fastest servo in `servos.csv`."""
 
 
 @dataclass(frozen=True, eq=False)

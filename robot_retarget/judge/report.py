@@ -44,7 +44,7 @@ from robot_retarget.trajectory import Trajectory
 APART = 0.1
 """Touches of a pair this long after one another are two contacts [s]."""
 LATE = 0.25
-"""Largest delay of a contact after the end of its warning, because servos lag [s]."""
+"""Largest delay of a contact after the end of its warning, because servos lag [s]: four times the 57 ms of an XM430."""
 
 
 def warning_score(warnings: Warnings, contacts: Contacts, times: np.ndarray, robot: Robot) -> dict[str, Any]:

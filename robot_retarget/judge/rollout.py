@@ -48,7 +48,7 @@ from robot_retarget.solver.pipeline import Result
 from robot_retarget.trajectory import Trajectory, fingerprint
 
 COMPENSATION = 2
-"""Duration of the compensation, in simulations of the trajectory."""
+"""Duration of the compensation, as the progress counts it: in simulations of the trajectory."""
 SIMULATED = 2 + COMPENSATION
 """Steps of the progress of a simulation without drawn simulations."""
 
