@@ -3,6 +3,7 @@
     python scripts/bench/bench_feedback.py pushes walk.npz --worlds 20     # impulse that 19 of 20 worlds survive, without and with feedback
     python scripts/bench/bench_feedback.py falls walk.npz --worlds 20      # falls in hard worlds: tilt, mass, delay, friction, backlash
     python scripts/bench/bench_feedback.py both walk.npz --worlds 10       # falls caused and prevented in two simulations that differ in contacts and servos
+    python scripts/bench/bench_feedback.py soft */trajectory.npz --worlds 5    # the same on soft floors with sagging supply and backlash, beside the verdicts of `run`
     python scripts/bench/bench_feedback.py faults walk.npz                 # each fault of the sensor on the emulated robot
     python scripts/bench/bench_feedback.py lag walk.npz                    # lag of the fused tilt, and the loop on the emulated bus
     python scripts/bench/bench_feedback.py film walk.npz -o push.gif       # one push, without and with feedback
@@ -13,6 +14,7 @@ A push lasts 0.1 s and acts on the trunk in the middle of the motion; it is surv
 
 import argparse
 import copy
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -36,7 +38,7 @@ from robot_retarget.judge.feedback import with_feedback
 from robot_retarget.judge.figures import fall_figures
 from robot_retarget.judge.plant import Plant
 from robot_retarget.judge.rollout import plant_of, rollouts
-from robot_retarget.judge.worlds import Spread, draws
+from robot_retarget.judge.worlds import BACKLASH, Spread, draws
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions
 from robot_retarget.servo.plan import goal_plan
 from robot_retarget.servo.play import emulator_process, play
@@ -48,8 +50,15 @@ HARD = Spread(
 """Worlds at the bounds: mass ± 20 %, friction 0.4, delay 40 ms, floor tilted by up to 3° about both axes, all of the backlash."""
 VARIED = HARD._replace(friction=(0.4, 1.0), delay=(0.0, 0.04))
 """Worlds up to those bounds, for two simulations."""
-BACKLASH = np.pi / 720
-"""Backlash of the joints in hard worlds, either way: 0.25° [rad]."""
+SOFT = Spread(
+    mass=(1.0, 1.0),
+    friction=(0.5, 1.0),
+    stiffness=(1.0, 1.0),
+    delay=(0.004, 0.02),
+    tilt=(0.0, 0.0),
+    floor=(0.012, 0.012),
+)
+"""Worlds as a robot at home has them: a carpet (12 ms), 11 to 12.4 V that sag, backlash of 0.1 to 0.4°, delays of 4 to 20 ms, friction of 0.5 to 1."""
 LATER = 9.0
 """When a fault strikes that begins while the robot plays [s after the emulator's start]: approach and lean take 6 s."""
 PATIENCE = 1.0
@@ -127,20 +136,29 @@ def falls(plant: Plant, motions: Mapping[str, Trajectory], worlds: int) -> None:
     row("all", *total)
 
 
-def both(plant: Plant, motions: Mapping[str, Trajectory], worlds: int) -> None:
-    """Falls in varied worlds of two simulations without and with feedback, and those that feedback prevents and causes."""
-    row = table("simulation", "motion", "falls without", "falls with", "prevented", "caused")
+def both(plant: Plant, motions: Mapping[str, Trajectory], worlds: int, spread: Spread, paths: list[Path]) -> None:
+    """Falls in the worlds of two simulations without and with feedback, and those that feedback prevents and causes."""
+    row = table("simulation", "motion", "verdict", "margin [mm]", "falls without", "falls with", "prevented", "caused")
     loose = plant_of(plant.robot, "free", backlash=BACKLASH)
     for simulation, world in (("own", loose), ("second", second_simulation(loose))):
         total = np.zeros(4, dtype=int)
-        for name, motion in motions.items():
-            goals = compensated(plant, motion, "free")
-            tried = (goals, with_feedback(plant, motion, goals))
-            without, fed = (fell(world, motion, g, worlds, VARIED) for g in tried)
+        for (name, motion), path in zip(motions.items(), paths, strict=True):
+            goals = motion.goals or compensated(plant, motion, "free")
+            tried = (replace(goals, feedback=None), with_feedback(plant, motion, goals))
+            without, fed = (fell(world, motion, g, worlds, spread) for g in tried)
             counts = np.array([without.sum(), fed.sum(), (without & ~fed).sum(), (fed & ~without).sum()])
             total += counts
-            row(simulation, name, *counts)
-        row(simulation, "all", *total)
+            row(simulation, name, *judged(path), *counts)
+        row(simulation, "all", "", "", *total)
+
+
+def judged(path: Path) -> tuple[str, str]:
+    """The badge and the margin of balance [mm] in the report beside a trajectory; empty without one."""
+    report = path.with_name("report.json")
+    if not report.is_file():
+        return "", ""
+    found = json.loads(report.read_text(encoding="utf-8"))
+    return found["badge"]["text"], f"{1000 * found['figures']['zmp_margin_m']:.1f}"
 
 
 def second_simulation(plant: Plant) -> Plant:
@@ -253,7 +271,7 @@ def pictures(plant: Plant, stand: Trajectory, impulse: Floats, feedback: bool) -
 
 def main() -> None:
     ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    ap.add_argument("what", choices=("pushes", "falls", "both", "faults", "lag", "film"))
+    ap.add_argument("what", choices=("pushes", "falls", "both", "soft", "faults", "lag", "film"))
     ap.add_argument("clips", nargs="+", type=Path, help="trajectories of a robot with a sensor, from `run`")
     ap.add_argument("--robot", default="op3")
     ap.add_argument("--servos", help="the servo map, with [imu] and [balance]; by default that beside the MJCF")
@@ -262,12 +280,14 @@ def main() -> None:
     ap.add_argument("--impulse", type=float, nargs=2, default=(1.28, 0.0), help="of the film, ahead and left [N s]")
     arg = ap.parse_args()
     plant = plant_of(rr.load_robot(arg.robot, servos=arg.servos), "free")
-    motions = {path.stem: load_trajectory(path) for path in arg.clips}
+    motions = {
+        path.parent.name if path.stem == "trajectory" else path.stem: load_trajectory(path) for path in arg.clips
+    }
     first = next(iter(motions.values()))
     if arg.what in ("faults", "lag"):
         {"faults": faults, "lag": lag}[arg.what](plant, standing(first, HELD))
-    elif arg.what == "both":
-        both(plant, motions, arg.worlds)
+    elif arg.what in ("both", "soft"):
+        both(plant, motions, arg.worlds, {"both": VARIED, "soft": SOFT}[arg.what], arg.clips)
     elif arg.what == "film":
         film(plant, standing(first), np.array([*arg.impulse, 0.0]), arg.out)
     else:
