@@ -20,7 +20,7 @@ from robot_retarget.graph.graph import Graph
 from robot_retarget.graph.kind import GroundedPhase, Kind, RetargetContext, StreamFrame, UnbalancedPhase
 from robot_retarget.graph.kinds import clip_kinds
 from robot_retarget.graph.placed_scene import PlacedScene, captured_scene, pelvis_path
-from robot_retarget.graph.track import STEP, Role, Track, columns_of, frame_costs, ordered
+from robot_retarget.graph.track import SIDES, STEP, Role, Track, columns_of, frame_costs, ordered
 from robot_retarget.graph.weights import REFERENCE_FPS, Weights
 from robot_retarget.human.features import HumanFeatures, features_of
 from robot_retarget.human.match import Match, match, read_map
@@ -301,25 +301,24 @@ def graph_from(graph: RobotGraph, human: HumanFeatures) -> RobotGraph:
 class CausalTargets:
     """Targets of a graph, frame by frame. Edges that do not follow the human keep the targets of the first frame."""
 
-    lower: Floats
-    upper: Floats
-    priority: Floats
+    sides: tuple[Floats, ...]
+    """The intervals, π and data of the latest frame, of all tracks side by side."""
     scene: PlacedScene | None
     """The bodies around the robot at the latest frame."""
 
     def __init__(self, graph: RobotGraph):
         tracks = ordered(graph.tracks)
-        sides = zip(*((*track.intervals, track.priority) for track in tracks), strict=True)
-        self.lower, self.upper, self.priority = (np.concatenate([each[0] for each in side]) for side in sides)
+        sides = zip(*((*track.intervals, track.priority, track.data) for track in tracks), strict=True)
+        self.sides = tuple(np.concatenate([each[0] for each in side]) for side in sides)
         self.context = RetargetContext(graph.human, graph.match, graph.robot, graph.weights)
         self.scene = self.context.scene
-        columns = columns_of(tracks)
-        self.following: list[tuple[Kind, slice, dict[str, Any]]] = [
-            (t.kind, columns[t.name], {}) for t in tracks if t.kind.follows_human
+        columns = [columns_of(tracks, side) for side in SIDES]
+        self.following: list[tuple[Kind, list[slice], dict[str, Any]]] = [
+            (t.kind, [own[t.name] for own in columns], {}) for t in tracks if t.kind.follows_human
         ]
 
-    def at(self, human: HumanFeatures, corners: Floats, seconds: float) -> tuple[Floats, Floats, Floats]:
-        """Return lower, upper and π (E,) for the human of a frame, `seconds` after the one before.
+    def at(self, human: HumanFeatures, corners: Floats, seconds: float) -> tuple[Floats, ...]:
+        """Return lower, upper and π (E,), and the data (D,), for the human of a frame, `seconds` after the one before.
 
         Args:
             corners: (F, 4, 3) positions of the robot's sole corners [m].
@@ -327,8 +326,7 @@ class CausalTargets:
         own = self.context
         frame = StreamFrame(human, own.match, own.robot, own.weights, own, corners, seconds)
         self.scene = frame.scene
-        for kind, edges, memory in self.following:
-            found = kind.step(frame, memory)
-            if found is not None:
-                self.lower[edges], self.upper[edges], self.priority[edges] = found
-        return self.lower, self.upper, self.priority
+        for kind, columns, memory in self.following:
+            for side, own, values in zip(self.sides, columns, kind.step(frame, memory) or (), strict=False):
+                side[own] = values
+        return self.sides

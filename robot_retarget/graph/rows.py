@@ -21,8 +21,8 @@ class RowState:
     """(nq,) the configuration, or (N, nq)."""
     reach: float
     """Surfaces farther apart need no rows [m]."""
-    targets: tuple[Floats, Floats, Floats] | None = None
-    """Lower bounds, upper bounds and π (…, E) of the kind's edges; None in a repair, which reads overlaps."""
+    targets: tuple[Floats, ...] | None = None
+    """Lower bounds, upper bounds and π (…, E) of the kind's edges, and its data (…, D); None in a repair, which reads overlaps."""
     memory: dict[str, Any] = field(default_factory=dict)
     """State of the kind between evaluations, per solver and track."""
     threads: int = 1
@@ -30,7 +30,7 @@ class RowState:
 
     def at(self, frame: int) -> "RowState":
         """Return one of the N."""
-        sides = self.targets and (self.targets[0][frame], self.targets[1][frame], self.targets[2][frame])
+        sides = self.targets and tuple(side[frame] for side in self.targets)
         return replace(self, qpos=self.qpos[frame], targets=sides)
 
 

@@ -1,7 +1,7 @@
 """Edges of one kind over time: their ends are constant, their targets vary."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import TYPE_CHECKING
 
@@ -123,6 +123,10 @@ HARD = 1e4
 of a leg."""
 
 
+SIDES = ("lower", "upper", "priority", "data")
+"""The arrays of a track that have a row for every frame."""
+
+
 @dataclass(frozen=True, eq=False)
 class Track:
     """E edges of one kind over T frames.
@@ -147,11 +151,13 @@ class Track:
     """(E,) the axis of a coordinate; empty for distances."""
     huber_delta: float = np.inf
     """g, the Huber scale: errors well above it count linearly [-]."""
+    data: Floats = field(default_factory=lambda: np.zeros((1, 0)))
+    """(T, D) what the rows of the kind read besides the targets: poses of bodies, normals of surfaces."""
 
     def __post_init__(self) -> None:
         frames, edges = np.shape(self.lower)
-        for name in ("lower", "upper", "priority"):
-            object.__setattr__(self, name, _column(getattr(self, name), frames, edges))
+        for name, columns in zip(SIDES, (edges, edges, edges, np.shape(self.data)[1]), strict=True):
+            object.__setattr__(self, name, _column(getattr(self, name), frames, columns))
         object.__setattr__(self, "scale", frozen(np.broadcast_to(self.scale, (edges,))))
         if len(self.ends) != edges:
             raise GraphError(f"{self.name}: {len(self.ends)} pairs of ends for {edges} edges")
@@ -247,14 +253,14 @@ class Track:
 
     def at(self, frames: slice | Sequence[int] | np.ndarray) -> "Track":
         """Return the same edges at some frames."""
-        return replace(self, lower=self.lower[frames], upper=self.upper[frames], priority=self.priority[frames])
+        return replace(self, **{name: getattr(self, name)[frames] for name in SIDES})
 
     def resampled(self, at: Floats) -> "Track":
         """Return the same edges at fractional frames (K,), interpolated linearly."""
         before = np.minimum(np.asarray(at, dtype=int), len(self.lower) - 1)
         after, share = np.minimum(before + 1, len(self.lower) - 1), (at - before)[:, None]
         columns = {}
-        for name in ("lower", "upper", "priority"):
+        for name in SIDES:
             values = getattr(self, name)
             same = (share == 0) | (values[after] == values[before]) | ~np.isfinite(values[after])
             with np.errstate(invalid="ignore"):
@@ -346,7 +352,7 @@ def limit(
 
 def concatenated(parts: Sequence[Track]) -> Track:
     """Return the same edges over consecutive frames."""
-    columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in ("lower", "upper", "priority")}
+    columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in SIDES}
     return replace(parts[0], **columns)
 
 
@@ -381,7 +387,7 @@ def ordered(tracks: Sequence[Track]) -> tuple[Track, ...]:
     return (*costs, *(track for track in tracks if all(track is not cost for cost in costs)))
 
 
-def columns_of(tracks: Sequence[Track]) -> dict[str, slice]:
-    """Return the place of each kind's edges among those of all tracks side by side."""
-    ends = np.cumsum([0, *map(len, tracks)]).tolist()
+def columns_of(tracks: Sequence[Track], side: str = "lower") -> dict[str, slice]:
+    """Return the place of each kind's columns in one of `SIDES` of all tracks side by side."""
+    ends = np.cumsum([0, *(getattr(track, side).shape[1] for track in tracks)]).tolist()
     return {track.name: slice(*ends[k : k + 2]) for k, track in enumerate(tracks)}

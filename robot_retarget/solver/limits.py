@@ -18,23 +18,25 @@ class Targets:
     lower: Floats
     upper: Floats
     priority: Floats
+    data: Floats
+    """(…, D) what kinds read besides."""
 
     def __len__(self) -> int:
         return len(self.lower)
 
     def at(self, frames: Ints | int | None) -> "Targets":
         """Return the targets of one frame or some frames of a clip; None makes a clip of a frame."""
-        return Targets(self.lower[frames], self.upper[frames], self.priority[frames])
+        return Targets(*(side[frames] for side in vars(self).values()))
 
     def differ(self, other: "Targets") -> Bools:
-        """Return the frames (T,) at which an edge has another interval or priority."""
+        """Return the frames (T,) at which an edge has another interval, priority or data."""
         sides = zip(vars(self).values(), vars(other).values(), strict=True)
         return np.any([(own != others).any(axis=1) for own, others in sides], axis=0)
 
 
 def targets_of(tracks: Sequence[Track]) -> Targets:
-    """Return the intervals and priorities of a graph's tracks side by side."""
-    sides = zip(*((*track.intervals, track.priority) for track in ordered(tracks)), strict=True)
+    """Return the intervals, priorities and data of a graph's tracks side by side."""
+    sides = zip(*((*track.intervals, track.priority, track.data) for track in ordered(tracks)), strict=True)
     return Targets(*(np.concatenate(side, axis=1) for side in sides))
 
 

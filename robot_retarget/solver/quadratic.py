@@ -9,7 +9,7 @@ import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, Ints
 from robot_retarget.graph.rows import ClipRows, RowState
-from robot_retarget.graph.track import Form, Role, Track
+from robot_retarget.graph.track import Form, Role, Track, columns_of
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import SweptConfiguration, difference
 from robot_retarget.solver.limits import Targets
@@ -95,6 +95,7 @@ class NumericTrack:
 
     def __init__(self, problem: Problem, track: Track, options: SolveOptions):
         self.problem, self.track, self.columns = problem, track, problem.columns[track.name]
+        self._data: slice = columns_of(problem.tracks, "data")[track.name]
         self.reach, self.threads = options.reach * problem.leg, options.threads
         self._memory: dict[str, object] = {}
 
@@ -103,7 +104,7 @@ class NumericTrack:
         sides = None
         if targets is not None:
             own = (..., self.columns)
-            sides = targets.lower[own], targets.upper[own], targets.priority[own]
+            sides = targets.lower[own], targets.upper[own], targets.priority[own], targets.data[..., self._data]
         return RowState(self.problem.robot, self.problem.match, q, self.reach, sides, self._memory, self.threads)
 
     def terms(self, q: Floats, targets: Targets) -> Terms | None:

@@ -33,7 +33,7 @@ def asked(graph: RobotGraph) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         turns = None if motion.rotations is None else motion.rotations[t]
         frame = all_targets.at(human.step(positions, turns, 1 / graph.fps), soles[t], 1 / graph.fps)
         found.append([np.array(each) for each in frame])
-    lower, upper, priority = (np.array(each) for each in zip(*found, strict=True))
+    lower, upper, priority, _ = (np.array(each) for each in zip(*found, strict=True))
     return lower, upper, priority
 
 
@@ -70,7 +70,7 @@ def test_a_foot_lands_as_the_robots_heads_and_turns_slowly_to_the_humans(yaw: fl
     human, all_targets, found = CausalFeatures(graph.human), CausalTargets(graph), []
     for t, positions in enumerate(graph.motion.positions[:60]):
         turns = None if graph.motion.rotations is None else graph.motion.rotations[t]
-        lower, _, priority = all_targets.at(human.step(positions, turns, 1 / 30), corners, 1 / 30)
+        lower, _, priority, _ = all_targets.at(human.step(positions, turns, 1 / 30), corners, 1 / 30)
         edges = slice(first, first + len(track))
         if priority[edges][0] > track.priority[0, 0] / 2:
             places = lower[edges].reshape(soles.shape)

@@ -12,6 +12,7 @@ import robot_retarget as rr
 from robot_retarget.graph.placed_scene import PlacedScene, placed_scene
 from robot_retarget.graph.soles import raised
 from robot_retarget.robot.body_distances import RobotAmongBodies
+from robot_retarget.robot.geoms import solid_geoms
 from robot_retarget.robot.kinematics import integrate
 from robot_retarget.scene.scene import RigidBody, Scene, composed
 from robot_retarget.scene.shape import ShapeKind, solid
@@ -119,6 +120,16 @@ def test_a_hand_that_reaches_through_a_wall_meets_it_whatever_its_shape(kind: Sh
 def test_the_cost_is_the_sum_of_the_kinds_with_bodies_too(carried: Result) -> None:
     assert {"contact", "near", "clearance"} <= carried.solution.stress.keys()
     np.testing.assert_allclose(carried.solution.cost, np.sum(list(carried.solution.stress.values()), axis=0))
+
+
+def test_edges_of_bodies_are_contacts_and_clearances_and_poses_are_none(carried: Result) -> None:
+    """The contact of one hand and the clearance of every solid link; no priority can drop the pose of a body."""
+    kinds = carried.graph.kinds
+    assert (len(kinds["contact"]), len(kinds["clearance"])) == (4, len(solid_geoms(OP3)))
+    assert {end for name in ("contact", "clearance") for _, end in kinds[name].ends} == {"box"}
+    bodies = carried.graph.with_priority("contact", 0).bodies
+    assert bodies is not None
+    np.testing.assert_allclose(bodies.poses(24), scene_of(carried).poses(24), atol=1e-12)
 
 
 def test_without_a_scene_no_edge_is_added() -> None:

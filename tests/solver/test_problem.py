@@ -31,7 +31,7 @@ def case() -> Case:
 def targets(graph: RobotGraph, frame: int) -> Targets:
     """The targets of a frame with redrawn weights, so that no kind hides behind another."""
     asked = targets_of(graph.tracks).at(frame)
-    return Targets(asked.lower, asked.upper, np.random.default_rng(frame).uniform(1, 9, len(asked.lower)))
+    return Targets(asked.lower, asked.upper, np.random.default_rng(frame).uniform(1, 9, len(asked.lower)), asked.data)
 
 
 def somewhere(problem: Problem, seed: int) -> np.ndarray:
@@ -87,7 +87,7 @@ def test_normal_matrix_is_that_of_reweighted_least_squares(case: Case) -> None:
     graph, problem = case
     q, every, step = somewhere(problem, 1), targets(graph, 3), 1e-6
     edges = len(problem.values(q))
-    asked = Targets(every.lower[:edges], every.upper[:edges], every.priority[:edges])
+    asked = Targets(every.lower[:edges], every.upper[:edges], every.priority[:edges], every.data)
     jacobian = np.empty((len(asked.lower), problem.robot.model.nv))
     for column, direction in enumerate(np.eye(problem.robot.model.nv)):
         ahead, behind = (problem.values(integrate(problem.robot, q, s * step * direction)) for s in (1, -1))

@@ -22,7 +22,7 @@ from robot_retarget.graph.kind import (
 )
 from robot_retarget.graph.kinds.separation import SeparationKind
 from robot_retarget.graph.placed_scene import PlacedScene
-from robot_retarget.graph.track import HARD
+from robot_retarget.graph.track import HARD, exact, limit
 from robot_retarget.graph.weights import RAMP
 from robot_retarget.human.touches import Surroundings, Touches
 from robot_retarget.robot import Anatomy, Robot
@@ -31,11 +31,7 @@ from robot_retarget.scene.scene import Scene
 
 # Clearance: links stay out of the bodies around the robot, by MuJoCo's distances; the pair that touches may touch.
 #
-# The bodies are vertices with known coordinates: in addition to its pairs of a link and a body, the track has edges between
-# each body and the world, whose lower bounds are the pose of the body at each frame and which no row can miss.
-
-POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
-"""Coordinates of a body in the world."""
+# The bodies are vertices with known coordinates: their poses at each frame are the data of the track.
 
 
 @dataclass(frozen=True)
@@ -54,24 +50,22 @@ class ClearanceKind(Kind):
     scene: PlacedScene | None = None
 
     def targets(self, context: RetargetContext) -> Track | None:
-        """Return [margin, ∞) for every link and body, [0, ∞) where they touch, and the poses of the bodies."""
+        """Return [margin, ∞) for every link and body, [0, ∞) where they touch; its data are the poses of the bodies."""
         scene, around = context.scene, context.human.around
         if scene is None or around is None:
             return None
         width = 2 * round(RAMP * context.human.fps) + 1
         touching = maximum_filter1d(touching_links(context, around).view(np.uint8), width, axis=0).astype(bool)
-        lower = self._lower(context, scene, touching)
         links = [context.robot.model.body(link).name for link in solid_geoms(context.robot)]
-        ends = [(link, body) for body in scene.names for link in links] + pose_ends(scene)
-        axes = ("",) * (len(links) * len(scene)) + POSE * len(scene)
-        kind, infinite = replace(self, scene=scene), np.full(lower.shape, np.inf)
-        return Track(kind, tuple(ends), lower, infinite, infinite, np.ones(len(ends)), axes)
+        ends = tuple((link, body) for body in scene.names for link in links)
+        poses = scene.poses(len(touching)).reshape(len(touching), -1)
+        track = limit(replace(self, scene=scene), ends, self._lower(context, touching), np.inf, len(touching))
+        return replace(track, data=poses)
 
-    def _lower(self, context: RetargetContext, scene: PlacedScene, touching: Bools) -> Floats:
-        """Return (T, E) lower bounds: margins of links and bodies, 0 where they touch (T, B, links), and poses."""
-        links, frames = list(solid_geoms(context.robot)), len(touching)
-        margin = np.where(touching[:, :, links], 0.0, self.margin * context.leg).reshape(frames, -1)
-        return np.hstack([margin, scene.poses(frames).reshape(frames, -1)])
+    def _lower(self, context: RetargetContext, touching: Bools) -> Floats:
+        """Return (T, E) lower bounds: margins of links and bodies, 0 where they touch (T, B, links)."""
+        margins = np.where(touching[:, :, list(solid_geoms(context.robot))], 0.0, self.margin * context.leg)
+        return margins.reshape(len(touching), -1)
 
     def step(self, context: StreamFrame, memory: dict[str, Any]) -> FrameTargets | None:
         """Return the same; what touched may stay at the surface for the fall time of a touch."""
@@ -80,15 +74,13 @@ class ClearanceKind(Kind):
             return None
         left = memory.get("left", 0.0) - context.seconds
         memory["left"] = np.where(touching_links(context, around), RAMP, left)
-        lower = self._lower(context, scene, memory["left"] > 0)[0]
-        infinite = np.full(lower.shape, np.inf)
-        return lower, infinite, infinite
+        return self._lower(context, memory["left"] > 0)[0], np.inf, np.inf, scene.poses(1).ravel()
 
     def bodies(self, track: Track) -> Scene | None:
         """Return the bodies with their poses at the frames of the track."""
         if self.scene is None:
             return None
-        poses, every = poses_of(track.lower, self.scene), enumerate(self.scene.scene.bodies)
+        poses, every = poses_of(track.data, self.scene), enumerate(self.scene.scene.bodies)
         moved = (body if body.fixed else replace(body, poses=poses[:, k]) for k, body in every)
         return replace(self.scene.scene, bodies=tuple(moved))
 
@@ -99,19 +91,14 @@ class ClearanceKind(Kind):
     def rows(self, track: Track, state: RowState) -> MeasureRows | None:
         """Return the distances of near links and bodies."""
         assert self.scene is not None and state.targets is not None
-        among, poses = self.scene.among(state.robot), poses_of(state.targets[0], self.scene)
+        among, poses = self.scene.among(state.robot), poses_of(state.targets[3], self.scene)
         found = among.near(state.qpos, poses, self.reach * state.match.robot_leg)
         return MeasureRows(found.distance, found.slope, found.pairs) if len(found.distance) else None
 
 
-def pose_ends(scene: PlacedScene) -> list[tuple[str, str]]:
-    """Return the ends of the edges that state the poses of B bodies, 7 a body."""
-    return [(name, "world") for name in scene.names for _ in POSE]
-
-
-def poses_of(values: Floats, scene: PlacedScene) -> Floats:
-    """Return the poses (…, B, 7) among the values (…, E) of a track's edges, where they come last."""
-    poses = values[..., values.shape[-1] - 7 * len(scene) :].reshape(*values.shape[:-1], -1, 7).copy()
+def poses_of(data: Floats, scene: PlacedScene) -> Floats:
+    """Return the poses (…, B, 7) at the start of a track's data (…, D)."""
+    poses = data[..., : 7 * len(scene)].reshape(*data.shape[:-1], -1, 7).copy()
     poses[..., 3:] /= lengths(poses[..., 3:])[..., None]
     return poses
 
@@ -149,9 +136,8 @@ def links_of(part: str, robot: Robot, anatomy: Anatomy) -> Ints:
 # while the human's part stays on one place: the part does not slide. The face is the side of the body across n, or the plane
 # through p where another side is nearer, so that the part touches the side that the human touches. The distance is exact while the human touches; both fade in and out.
 
-NORMAL = ("nx", "ny", "nz")
-OWN = 1 + len(AXES) + len(NORMAL)
-"""Edges of a pair: its distance, the coordinates of its place, and the normal there, which no row can miss."""
+OWN = 1 + len(AXES)
+"""Edges of a pair: its distance, and the coordinates of its place."""
 
 
 STEEP = 4
@@ -175,7 +161,7 @@ class ContactKind(Kind):
     scene: PlacedScene | None = None
 
     def targets(self, context: RetargetContext) -> Track | None:
-        """Return distance 0 and the place of every touch, with the poses of the bodies."""
+        """Return distance 0 and the place of every touch; its data are the poses of the bodies and the normals at the places."""
         scene, around = context.scene, context.human.around
         if scene is None or around is None:
             return None
@@ -184,24 +170,23 @@ class ContactKind(Kind):
             return None
         strength = gradual(around.touches.held[:, pairs], round(RAMP * context.human.fps))
         kind = replace(self, pairs=tuple(around.touches.pairs[k] for k in pairs), scene=scene)
-        lower, priority = kind.sides(scene, around.touches.of(pairs), strength)
-        ends = [(part, scene.names[body]) for part, body in kind.pairs for _ in range(OWN)] + pose_ends(scene)
-        axes = ("", *AXES, *NORMAL) * len(pairs) + POSE * len(scene)
-        return Track(kind, tuple(ends), lower, lower, priority, np.full(len(ends), context.leg), axes)
+        target, _, priority, data = kind.sides(scene, around.touches.of(pairs), strength)
+        ends = [(part, scene.names[body]) for part, body in kind.pairs for _ in range(OWN)]
+        track = exact(kind, ends, target, priority, context.leg, axes=("", *AXES) * len(pairs))
+        return replace(track, data=data)
 
-    def sides(self, scene: PlacedScene, touches: Touches, strength: Floats) -> tuple[Floats, Floats]:
-        """Return the targets and π (T, E) of touches with a strength (T, C) from 0 to 1."""
+    def sides(self, scene: PlacedScene, touches: Touches, strength: Floats) -> tuple[Floats, ...]:
+        """Return intervals, π (T, E) and data (T, D) of touches with a strength (T, C) from 0 to 1."""
         frames, pairs, poses = len(strength), touches.pairs, scene.poses(len(strength))
         bodies = np.array([body for _, body in pairs])
         places = scene.points(bodies, touches.places, poses)
         normals = scene.directions(bodies, touches.normals, poses)
-        target = np.concatenate([np.zeros((frames, len(pairs), 1)), places, normals], axis=2).reshape(frames, -1)
+        target = np.concatenate([np.zeros((frames, len(pairs), 1)), places], axis=2).reshape(frames, -1)
         # a seat that is too high for the robot's hips would lift hard feet
-        exact = [[self.along if part == "pelvis" else HARD] for part, _ in pairs]
-        weights = np.hstack([exact, np.full((len(pairs), len(AXES)), self.along), np.zeros((len(pairs), len(NORMAL)))])
+        across = [[self.along if part == "pelvis" else HARD] for part, _ in pairs]
+        weights = np.hstack([across, np.full((len(pairs), len(AXES)), self.along)])
         priority = (strength[..., None] ** STEEP * weights).reshape(frames, -1)
-        still = np.zeros((frames, len(POSE) * len(scene)))
-        return np.hstack([target, poses.reshape(frames, -1)]), np.hstack([priority, still])
+        return target, target, priority, np.hstack([poses.reshape(frames, -1), normals.reshape(frames, -1)])
 
     def step(self, context: StreamFrame, memory: dict[str, Any]) -> FrameTargets | None:
         """Return the same; the strength changes no faster than over the rise time."""
@@ -210,8 +195,7 @@ class ContactKind(Kind):
             return None
         reach, last = context.seconds / self.lead, memory.get("strength", 0.0)
         memory["strength"] = np.clip(around.touches.held.astype(float), last - reach, last + reach)
-        lower, priority = self.sides(scene, around.touches, memory["strength"])
-        return lower[0], lower[0], priority[0]
+        return tuple(side[0] for side in self.sides(scene, around.touches, memory["strength"]))
 
     def for_stream(self) -> "ContactKind":
         """Return the kind with edges of all pairs."""
@@ -220,16 +204,18 @@ class ContactKind(Kind):
     def rows(self, track: Track, state: RowState) -> MeasureRows | None:
         """Return distance and place of the parts that touch at the frame."""
         assert self.scene is not None and state.targets is not None
-        lower, _, priority = state.targets
+        lower, _, priority, data = state.targets
         active = [k for k in range(len(self.pairs)) if priority[OWN * k] > 0]
         if not active:
             return None
-        poses = poses_of(lower, self.scene)
-        found = [self._pair(k, poses, state, lower[OWN * k + 1 : OWN * (k + 1)]) for k in active]
+        poses, normals = poses_of(data, self.scene), data[7 * len(self.scene) :].reshape(-1, 3)
+        found = [self._pair(k, poses, state, (lower[OWN * k + 1 : OWN * (k + 1)], unit(normals[k]))) for k in active]
         values, slopes, edges = zip(*found, strict=True)
         return MeasureRows(np.concatenate(values), np.concatenate(slopes), np.concatenate(edges))
 
-    def _pair(self, pair: int, poses: Floats, state: RowState, target: Floats) -> tuple[Floats, Floats, np.ndarray]:
+    def _pair(
+        self, pair: int, poses: Floats, state: RowState, face: tuple[Floats, Floats]
+    ) -> tuple[Floats, Floats, np.ndarray]:
         """Return values (4,), slopes (4, nv) and edges of one pair."""
         assert self.scene is not None
         part, body = self.pairs[pair]
@@ -238,9 +224,9 @@ class ContactKind(Kind):
         if geoms is None:
             geoms = among.geoms_of(links_of(part, state.robot, state.match.anatomy))
             state.memory[f"geoms of {part}"] = geoms
-        place, normal = target[:3], unit(target[3:])
-        distance, away = among.to_side(state.qpos, poses, geoms, body, (place, normal))
+        place, normal = face
+        distance, away = among.to_side(state.qpos, poses, geoms, body, face)
         x, slope = among.point(site.body, site.offset)
         along = np.eye(3) - np.outer(normal, normal)
         values = np.append(distance, place + along @ (x - place))
-        return values, np.vstack([away, along @ slope]), OWN * pair + np.arange(1 + len(AXES))
+        return values, np.vstack([away, along @ slope]), OWN * pair + np.arange(OWN)
