@@ -165,6 +165,25 @@ def test_no_two_public_classes_share_a_name() -> None:
     assert not {name: paths for name, paths in homes.items() if len(paths) > 1}
 
 
+@pytest.mark.parametrize(
+    ("line", "origin"),
+    [
+        ('POSE = (0.0, 0.0, -1.0, 1.0)\n"""Of the world."""', None),
+        ('SHARE: float = field(default=1.0, metadata=within(0, 20, ""))\n"""Of a limb [-]."""', None),
+        ('BROKEN = 3\n"""Exit code for a file that is refused."""', "fact"),
+        ('LARGE = 1e4\n"""A longer limb is refused [m]."""', "bound"),
+        ('TWICE = 2 * LARGE\n"""[m]."""', "derived"),
+        ('KNEE = 0.4\n"""Of a leg [-]: half and double find the same knees in 20 clips."""', "sourced"),
+        ('KNEE = (1.0, 0.4)\n"""Of a leg [-]."""', "without"),
+        ('KNEE: float = field(default=0.4, metadata=within(0, 1, ""))\n"""Of a leg [0, 1]."""', "without"),
+    ],
+)
+def test_a_number_has_the_origin_that_its_docstring_says(line: str, origin: str | None) -> None:
+    tool = runpy.run_path(str(ROOT / "scripts/tools/count_tuning.py"))
+    ((_, value, text),) = tool["documented"](ast.parse(line).body)
+    assert tool["origin"]("robot/limbs.py", value, text) == origin
+
+
 def test_numbers_without_a_source_become_no_more() -> None:
     """A number that decides says below it where it comes from; scripts/tools/count_tuning.py --list prints those that do not."""
     tool = runpy.run_path(str(ROOT / "scripts/tools/count_tuning.py"))

@@ -1,9 +1,9 @@
 """Count the package's numbers by their origin: `python scripts/tools/count_tuning.py [--list] [FOLDER …]`.
 
-A number is a module constant, or the default of a class's field, other than 0, 1 and −1. The docstring below it decides; one
+A number is a module constant, or the default of a class's field, other than 0, 1, −1 and tuples or tables of these alone. The docstring below it decides; one
 that ends in "..." goes on in the next.
 
-- fact: of a format, a protocol, a register, a picture or a paper (`FACTS`, `FACT`), a member of an enumeration, or a rounding error.
+- fact: of a format, a protocol, a register, an exit code, a picture or a paper (`FACTS`, `FACT`), a member of an enumeration, or a rounding error.
 - bound: what lies beyond is refused, or named as a mistake.
 - derived: an expression of other names.
 - sourced: the docstring cites a publication, a data sheet, a library or a measurement (`SOURCE`), or compares with another figure.
@@ -33,7 +33,7 @@ FACTS = (
 """Folders and modules that hold facts alone: papers, file formats, pictures and pages, registers, limits of files."""
 FACT = re.compile(
     r"[Bb]ytes|\[B\]|[Aa]ddress|[Bb]its? |[Cc]olumns|Colour|[Ii]ndex|[Rr]egister|[Ff]ormat|[Pp]rotocol|Linux|unit|units|"
-    r"Largest slope|[Kk]eypoint|[Rr]ounding|Contact type|frame and|A frame, |One frame|definition|data set"
+    r"Largest slope|[Ee]xit code|[Kk]eypoint|[Rr]ounding|Contact type|frame and|A frame, |One frame|definition|data set"
 )
 BOUND = re.compile(r"mistake|refused|is no rotation|is none|damage|progress counts|listed|believed")
 SOURCE = re.compile(
@@ -85,9 +85,14 @@ def origin(module: str, value: ast.expr, text: str, about: str = "") -> str | No
     """Return where a number comes from; None for what is no number."""
     if is_derived(value):
         return "derived"
-    if not is_number(value) or re.fullmatch(r"(?:field\(default=)?-?[01](?:\.0)?(?:,.*)?", ast.unparse(value)):
+    if not is_number(value):
         return None
-    leaves = [part.value for part in ast.walk(value) if isinstance(part, ast.Constant)]
+    default = (
+        next((k.value for k in value.keywords if k.arg == "default"), value) if isinstance(value, ast.Call) else value
+    )
+    leaves = [part.value for part in ast.walk(default) if isinstance(part, ast.Constant) and part.value not in (0, 1)]
+    if not leaves:
+        return None
     if (
         module.startswith(FACTS)
         or all(isinstance(leaf, float) and leaf <= 1e-9 for leaf in leaves)
