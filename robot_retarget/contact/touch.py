@@ -15,11 +15,13 @@ from robot_retarget.base.keypoints import ARM
 from robot_retarget.contact.rule import JOINTS, without_flicker
 
 REACH = {"head": 0.22, "hand": 0.13, "knee": 0.14}
-"""A hand touches these parts within this closeness [-] ..."""
+"""A hand touches these parts within this closeness [-] (with half, 43 of 5075 frames and pairs of a clap differ; with
+double, 626; measured) ..."""
 OTHER = 0.1
-"""... and the other parts within this one."""
+"""... and the other parts within this one: half and double find the same in two claps and a bow."""
 FAINT = 0.02
-"""A pair of at most this strength does not touch [-]: a hand that swings past a hip."""
+"""A pair of at most this strength does not touch [-]: a hand that swings past a hip. Half and double move 38 and 328 of
+5800 frames and pairs in a bow."""
 TOUCHED = ("head", "l_hip", "r_hip", "l_knee", "r_knee", "pelvis")
 """Parts that a hand touches, in addition to the other hand. Other pairs, as an elbow and a hand, pass each other closely."""
 BRIEF = 0.2

@@ -62,9 +62,11 @@ class CausalSurroundings:
 
 
 LEAP = 12.0
-"""A faster body was moved by the tracker, not by its legs: the leap is removed from its path [m/s]."""
+"""A faster body was moved by the tracker, not by its legs: the leap is removed from its path [m/s]. The fastest
+sprinter reached 12.4 m/s."""
 FOLLOWED = 0.5
-"""Speed at which a drift of the floor is followed [m/s]."""
+"""Speed at which a drift of the floor is followed [m/s]: half and double find the same contacts in streams of six
+clips."""
 _NOT = np.zeros(1, dtype=bool)
 
 

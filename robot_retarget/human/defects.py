@@ -142,6 +142,7 @@ def beyond(places: Floats, most: float, rule: JumpRule) -> Floats:
 # quietest stretches of white noise have less of it than most is allowed for (χ² of the differences that are independent).
 
 ORDER = 5
+"""Order of the differences: of white noise with deviation σ they have the deviation σ √252."""
 _GAIN = float(np.sqrt(comb(2 * ORDER, ORDER)))
 _ALIKE = sum(comb(2 * ORDER, ORDER + k) ** 2 for k in range(-ORDER, ORDER + 1)) / comb(2 * ORDER, ORDER) ** 2
 """Number of neighbouring differences of white noise that equals one independent difference."""

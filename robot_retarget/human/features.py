@@ -52,7 +52,8 @@ class ActivityRule:
     """A supported human has the pelvis lower than this share of its usual height [-] (half and double change none of 13
     clips) ..."""
     seat_offset: float = 0.3
-    """... and farther from the middle of the feet along the floor than this: on a chair, or on hands."""
+    """... and farther from the middle of the feet along the floor than this: on a chair, or on hands. Half finds the
+    same in 21 clips; double loses the chair."""
 
 
 @dataclass(frozen=True)

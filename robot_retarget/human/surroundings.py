@@ -30,7 +30,8 @@ FLESH = 0.06
 INSIDE = 0.12
 """... and one that is deeper than this at the first frame is refused [m]."""
 MISSING = 0.1
-"""Poses may begin later and end earlier than the motion by this time [s]; they are held there."""
+"""Poses may begin later and end earlier than the motion by this time [s]; they are held there: three frames at 30
+frames a second."""
 
 
 def with_scene(motion: Motion, scene: Scene) -> Motion:

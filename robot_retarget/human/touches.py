@@ -27,11 +27,14 @@ FLESH = {"hand": 0.11, "elbow": 0.07, "knee": 0.09, "pelvis": 0.16, "toe": 0.07}
 """... and other parts within these distances of their joint: 9, 6, 7, 13 and 6 cm of flesh on an adult's leg of 0.83 m. A
 hand without finger joints ends a palm's length from its wrist, or a finger's length from its knuckles [-]."""
 SLIDES = 0.07
-"""A touch whose place moves less than this over the leg stays on one place [-]."""
+"""A touch whose place moves less than this over the leg stays on one place [-]: half and double give the same places on
+the three sample scenes."""
 SMOOTH = 0.15
-"""The place of a sliding touch is the mean over this time [s]."""
+"""The place of a sliding touch is the mean over this time [s]: half and double move it by at most 4 and 11 mm on a box
+and a chair."""
 SUNK = 0.12
-"""Surfaces up to this height over a foot's joint are under it, over the leg [-]: captured feet sink in."""
+"""Surfaces up to this height over a foot's joint are under it, over the leg [-]: captured feet sink in. Half and double
+find the same ground on the three sample scenes."""
 FAR = 1.0
 """Bodies farther away are not looked at [m]."""
 

@@ -46,7 +46,7 @@ def snapped_to_axes(turn: Floats, most: float) -> Floats:
 
 
 SURE = 2
-"""A majority of this number of votes is sure."""
+"""A majority of this number of votes is sure: of eight robots one has fewer than 4, and 1 gives the same."""
 
 
 @dataclass(frozen=True)

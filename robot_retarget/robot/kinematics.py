@@ -343,7 +343,8 @@ def carrying(model: mujoco.MjModel) -> np.ndarray:
 # The motion from one frame to the next, on which links must not pass through each other either.
 
 TURN = 0.07
-"""Largest change of a hinge between two checks of the links [rad]."""
+"""Largest change of a hinge between two checks of the links [rad]: the hand of an arm of 0.3 m, as the OP3 has it,
+moves 2 cm."""
 
 
 @dataclass(frozen=True)

@@ -19,14 +19,17 @@ GRASP_WORDS = {"finger", "thumb", "index", "middle", "ring", "pinky", "little", 
 ARM_WORDS = ELBOW_WORDS | GRASP_WORDS | {"arm", "shoulder", "upperarm", "humerus", "wrist", "hand"}
 _LEG_WORDS = KNEE_WORDS | {"leg", "hip", "thigh", "femur", "ankle", "foot", "toe"}
 MEETING = 0.25
-"""Axes that pass a joint's centre within this share of the limb segment belong to that joint; a knee is farther under its hip."""
+"""Axes that pass a joint's centre within this share of the limb segment belong to that joint; a knee is farther under
+its hip. Of eight robots half loses the G1's hands and moves ToddlerBot's hips by 12 mm, and double moves shoulders of
+the CMU humanoid by 20 mm."""
 CANTED = 0.5
 """A hip flexion axis has at least this cosine with the hip line; robots cant it by up to 45°."""
 SAME = 0.1
-"""Places nearer than this share of a limb or sole are the same: mirrored hinge lines and ends, heights at which limbs start or
-end, the middle of a sole and its ankle [-]."""
+"""Places nearer than this share of a limb or sole are the same: mirrored hinge lines and ends, heights at which limbs
+start or end, the middle of a sole and its ankle [-]. Half and double recognise the same in eight robots."""
 SOLE = 0.01
-"""Points of a foot within this height above its lowest one belong to the sole [m]."""
+"""Points of a foot within this height above its lowest one belong to the sole [m]: half moves the toes of the Berkeley
+Humanoid by 4 mm, and double by 6 mm."""
 HAND_SHARE = 0.8
 """Without a wrist joint the wrist is put at this share of the way from the elbow to the end of the arm."""
 

@@ -13,7 +13,8 @@ SOLE_DIRECTIONS = 8
 SOLE_TILTS = (0.05, 0.5, 1.1, 1.5)
 """A sole is kept as its extreme points in this many directions around, at these angles under the horizon [rad]; the first on the flat part only."""
 TREAD = 0.0005
-"""Solid points within this height above the lowest one carry a flat foot [m]."""
+"""Solid points within this height above the lowest one carry a flat foot [m]: of eight robots half takes 15 cm from the
+tread of the H1, and double adds 2 mm to that of the G1."""
 EVEN = 0.9986
 """Least cosine (3°) between the normals of facets of one face, and between a level sole and the floor [-]."""
 

@@ -29,7 +29,8 @@ from robot_retarget.scene.geoms import filled
 CORNER_NAMES = ("front left", "front right", "rear left", "rear right")
 CORNERS = len(CORNER_NAMES)
 LEAST = 0.01
-"""Least length and width of a sole [m]; a shorter sole has no clear heading."""
+"""Least length and width of a sole [m]; a shorter sole has no clear heading. Half and double give the same soles of
+eight robots."""
 NONE = Points(np.zeros(0, int), np.zeros((0, 3)))
 
 

@@ -24,8 +24,8 @@ class ShapeKind(StrEnum):
 
 
 EDGES = {ShapeKind.BOX: 3, ShapeKind.CYLINDER: 2, ShapeKind.SPHERE: 1, ShapeKind.PLANE: 0}
-"""Numbers that give the size of a shape: length, width and height of a box; diameter and height of a cylinder; diameter of
-a sphere."""
+"""Count of lengths in the definition of a shape's size: length, width and height of a box; diameter and height of a
+cylinder; diameter of a sphere."""
 
 
 @dataclass(frozen=True, eq=False)

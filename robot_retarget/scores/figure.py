@@ -79,7 +79,7 @@ def shown(value: float | str, unit: str) -> str:
 
 
 NEAR = 0.1
-"""A figure is near its limit within this share of the limit, on either side [-]."""
+"""By definition, a figure is near its limit within this share of the limit, on either side [-]."""
 
 
 class Check(NamedTuple):

@@ -33,9 +33,11 @@ from robot_retarget.scores.pair import PARTS, Pair, best_bone_angles
 LIFT = JOINTS.high
 """A human swing counts as a step if the ankle rises by more, over the leg [-] ..."""
 LENGTH = 0.3
-"""... or comes down farther away, over the leg [-]; less is a shuffle, which a flat sole need not copy."""
+"""... or comes down farther away, over the leg [-]; less is a shuffle, which a flat sole need not copy. Of 21 clips
+half counts other steps in 6 and double in 8."""
 CLEARANCE = 0.02
-"""A robot's sole is in the air above this height over the leg [-]; planned swings are exact, captured ones are not."""
+"""A robot's sole is in the air above this height over the leg [-]; planned swings are exact, captured ones are not. Of
+21 clips half counts other steps in 12 and double in 14."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -74,7 +74,7 @@ EXCESS = 1e-3
 JUMP = 15.0
 """A faster hinge jumps [rad/s]: 0.5 rad between frames at 30 frames a second; servos reach up to 10."""
 MARGIN = 0.05
-"""Share of a joint's range at either end that is near its limit [-]."""
+"""Share of a joint's range at either end that is near its limit [-]: 5 %, as above."""
 
 
 @measures(Figure("limit_frames", "frames", 0, "frames with a joint past its range by over 1 mrad"))
@@ -344,9 +344,9 @@ def zmp(subject: Subject) -> tuple[Value, ...]:
 # heel moves its toe: `skate_cm_s` is the speed of the slowest point of the sole. Contact preservation needs the pose of an object.
 
 DEEP = 0.01
-"""Penetration beyond this counts [m]."""
+"""Penetration beyond this counts [m]: 1 cm, as above."""
 STEP = 0.01
-"""A toe in stance moves at most this far in a frame [m]."""
+"""A toe in stance moves at most this far in a frame [m]: 1 cm, as above."""
 TOES = ("l_toe", "r_toe")
 
 

@@ -23,17 +23,19 @@ BENT = 0.4
 STRAIGHT = {"knee": 0.5, "elbow": -0.2}
 """The robot's limb opposes the human's if it has a smaller share of this bend. A reversed knee stops at its limit,
 because it bends backwards; a reversed elbow bends away. Arms of few hinges leave an elbow straight where a human bends
-it sideways."""
+it sideways. With half 21 clips are accepted as well; double would refuse 10."""
 LEVEL = 0.5
-"""A left direction that points up or down by a larger cosine has no heading."""
+"""A left direction that points up or down by a larger cosine, 30° over the level, has no heading."""
 APART = 0.5
-"""Elbows at least this far apart sideways, in shoulder widths, are on two sides."""
+"""Elbows at least this far apart sideways, in shoulder widths, are on two sides. Half and double accept the same 21
+clips."""
 SHOWN = 0.2
-"""A check needs this share of the frames to show its feature ..."""
+"""A check needs this share of the frames to show its feature (half and double accept the same 21 clips) ..."""
 FEWEST = 10
-"""... and at least this number of frames ..."""
+"""... and at least this number of frames (half and double accept the same 21 clips) ..."""
 MOST = 0.6
-"""... and reports a mismatch if the robot opposes the human in this share of them."""
+"""... and reports a mismatch if the robot opposes the human in this share of them: more than half, and with 0.3 the
+same 21 clips are accepted."""
 LIMBS = {"knee": ("hip", "ankle"), "elbow": ("shoulder", "hand")}
 
 

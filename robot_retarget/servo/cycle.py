@@ -76,7 +76,8 @@ MISSES = 2
 OVERLOADED = 0.5
 """Longest time above the current limit [s], as `Limits.current` states."""
 STUCK = 0.3
-"""A joint whose goal the step cap limits for this long does not follow [s]."""
+"""A joint whose goal the step cap limits for this long does not follow [s]: 3 times that in which an XM430, at the 4.8
+rad/s of its data sheet, comes from `Limits.jump` to its goal."""
 ALERTED = 0x80
 """The bit of `Link.error` for a pending hardware error."""
 

@@ -55,7 +55,8 @@ class SeparationKind(Kind):
     form = Form.NUMERIC
     follows_human = False
     margin: float = 0.006
-    """Over the leg [-]: distances bend along a step, by a third of this."""
+    """Over the leg [-]: distances bend along a step, by a third of this. Half and double leave a dance of the G1 as it
+    is (limbs to 0.01°), and raise the jerk of a boxing OP3 from 218 to 230 rad/s³."""
 
     def targets(self, context: RetargetContext) -> Track | None:
         """Return [margin, ∞) for every pair of links that may touch, and [0, ∞) from the floor for links other than feet."""

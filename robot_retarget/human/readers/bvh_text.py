@@ -227,7 +227,8 @@ _FRAME_TIME = re.compile(r"(?im)^[ \t]*frame[ \t]*time[ \t]*:?[ \t]*(\S*)")
 _GLUED = re.compile(r"(?<=[\d.])(?=[-+])")
 _NOT_A_NUMBER = re.compile(r"[-+]?(?:\d\.#\w+|nan\(\w*\))", re.IGNORECASE)
 MISSING_ROWS = 0.01
-"""Share of the announced frames that may be missing at the end (two always may); more is a truncated file."""
+"""Share of the announced frames that may be missing at the end (two always may); with more a file is refused as
+truncated."""
 
 
 @dataclass(frozen=True)

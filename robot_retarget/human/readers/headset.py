@@ -71,7 +71,8 @@ FIRST = 4
 NANO = 1e-9
 """A nanosecond, the unit of the log [s]."""
 PAUSED = 4.0
-"""Most frames of a clip for each of its records [-]: a pause of three quarters of a session is cut, not held."""
+"""Most frames of a clip for each of its records [-]: a pause of three quarters of a session (1 − 1/4) is cut, not
+held."""
 
 
 def matches_format(header: FileHeader) -> bool:

@@ -165,7 +165,8 @@ _JOINTS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
 )
 USED = tuple(sorted({mark for *_, marks in _JOINTS for mark in marks}, key=LANDMARKS.index))
 _STILL = 1e-3
-"""Travel of the middle of the hips, over the body's size, in landmarks relative to it."""
+"""Travel of the middle of the hips, over the body's size, in landmarks relative to it, which have it at the origin but
+for the rounding of their decimals."""
 _IMAGE = 1.5
 """Largest value of landmarks in units of the image size; some lie a little outside the image."""
 
