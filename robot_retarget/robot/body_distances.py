@@ -11,10 +11,9 @@ import mujoco
 import numpy as np
 
 from robot_retarget.base.arrays import Floats, Ints
-from robot_retarget.base.errors import SceneError
 from robot_retarget.robot.geoms import TOUCHING, solid_geoms
 from robot_retarget.robot.model import Robot
-from robot_retarget.scene.geoms import PREFIX, add_bodies, moving_bodies, place_bodies
+from robot_retarget.scene.geoms import PREFIX, add_bodies, compiled, measured_bodies, moving_bodies, place_bodies
 from robot_retarget.scene.scene import Scene
 
 FACE = PREFIX + "a face"
@@ -23,13 +22,6 @@ ALIKE = 0.7
 """Cosine from which on a direction is that of a face: 45°."""
 FAR = 10.0
 """Distances from faces are measured up to this [m]."""
-MEASURED = tuple(
-    int(kind) for kind in (
-        mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_MESH,
-        mujoco.mjtGeom.mjGEOM_PLANE,
-    )
-)  # fmt: skip
-"""Types of geoms of bodies that have a distance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,18 +49,12 @@ class RobotAmongBodies:
         add_bodies(spec, scene)
         face = spec.worldbody.add_body(name=FACE)  # after the robot's, so that its geoms keep their ids
         face.add_geom(name=FACE, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.05], contype=0, conaffinity=0)
-        try:
-            self.model = spec.compile()
-        except ValueError as error:
-            raise SceneError(
-                f"{scene.source}: does not compile with {robot.name}: {' '.join(str(error).split())}"
-            ) from error
+        self.model = compiled(spec, f"{scene.source} with {robot.name}")
         self.robot, self.scene, self.data = robot, scene, mujoco.MjData(self.model)
         self._moving = moving_bodies(self.model, scene)
         self._face = int(self.model.geom(FACE).id)
-        ids = [self.model.geom(PREFIX + name).id for name in scene.names]
-        self._bodies = [b for b, geom in enumerate(ids) if int(self.model.geom_type[geom]) in MEASURED]
-        self._body_geoms = np.array([ids[b] for b in self._bodies], np.int64)
+        self._bodies = measured_bodies(scene)
+        self._body_geoms = np.array([self.model.geom(PREFIX + scene.names[b]).id for b in self._bodies], np.int64)
         solid = solid_geoms(robot)
         self._geoms = np.array([g for own in solid.values() for g in own], np.int64)
         self._links = np.array([link for link, own in solid.items() for _ in own], np.int64)

@@ -108,7 +108,7 @@ def read_mesh(path: Path, scale: float = 1.0) -> BodyShape:
     spec = mujoco.MjSpec()
     spec.add_mesh(name="mesh", file=str(path.resolve()), scale=[scale] * 3)
     spec.worldbody.add_geom(type=_GEOM.mjGEOM_MESH, meshname="mesh")
-    return mesh_of(_compiled(spec, path), 0)
+    return mesh_of(compiled(spec, path), 0)
 
 
 def mesh_of(model: mujoco.MjModel, geom: int) -> BodyShape:
@@ -122,7 +122,8 @@ def mesh_of(model: mujoco.MjModel, geom: int) -> BodyShape:
     return mesh(vertices, model.mesh_face[faces : faces + int(model.mesh_facenum[number])])
 
 
-def _compiled(spec: mujoco.MjSpec, source: Path | str) -> mujoco.MjModel:
+def compiled(spec: mujoco.MjSpec, source: Path | str) -> mujoco.MjModel:
+    """Return the model of a specification with bodies of a source; raise SceneError where MuJoCo refuses it."""
     try:
         return spec.compile()
     except ValueError as error:
@@ -138,7 +139,7 @@ class SceneModel:
         add_bodies(spec, scene)
         probe = spec.worldbody.add_body(name="probe", mocap=True)
         probe.add_geom(name="probe", type=_GEOM.mjGEOM_SPHERE, size=[PROBE, 0, 0])
-        self.scene, self.model = scene, _compiled(spec, scene.source)
+        self.scene, self.model = scene, compiled(spec, scene.source)
         self.data = mujoco.MjData(self.model)
         self._probe = self.model.geom("probe").id
         self._geoms = [self.model.geom(PREFIX + name).id for name in scene.names]
@@ -162,7 +163,7 @@ class SceneModel:
         distance = np.full((*points.shape[:2], count), reach)
         place = np.repeat(points[:, :, None], count, axis=2)
         ends = np.zeros(6)
-        measured = [k for k, body in enumerate(self.scene.bodies) if body.shape.kind is not ShapeKind.HEIGHT_FIELD]
+        measured = measured_bodies(self.scene)
         for t, k in np.ndindex(*points.shape[:2]):
             self._pose(poses[t], points[t, k])
             for b in measured:
@@ -206,6 +207,11 @@ class SceneModel:
 def scene_geoms(model: mujoco.MjModel) -> Ints:
     """Return the geoms of a scene in a model."""
     return np.array([g for g in range(model.ngeom) if model.geom(g).name.startswith(PREFIX)], np.int64)
+
+
+def measured_bodies(scene: Scene) -> list[int]:
+    """Return the indices of the bodies that have a distance in MuJoCo: all but height fields."""
+    return [k for k, body in enumerate(scene.bodies) if body.shape.kind is not ShapeKind.HEIGHT_FIELD]
 
 
 def moving_bodies(model: mujoco.MjModel, scene: Scene) -> Ints:
