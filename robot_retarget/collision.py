@@ -153,9 +153,11 @@ class WarnOptions:
     """Interaction distance at which a pair is flagged [m]: in fast motions of the G1 it gives a recall of 0.94 and a
     precision of 0.86, 12 mm 0.96 and 0.77 (`benchmarks/warnings.md`)."""
     dead_band: float = 5e-4
-    """Links that come nearer by less do not approach [m]: jitter of captured joints."""
+    """Links that come nearer by less do not approach [m]: jitter of captured joints. Of a boxing OP3 half gives 42 and
+    double 36 events in place of 37, of two clips on the G1 one fewer at most."""
     release: float = 0.25
-    """Time for which a flag is held after the last frame that raised it [s]."""
+    """Time for which a flag is held after the last frame that raised it [s]: half and double flag 271 and 677 in place
+    of 424 frames of a boxing OP3, in 39 and 36 events."""
     rest: float = 0.0011
     """A link that is no deeper in a body touches it [m]: the bound of the public comparison of retargeters."""
 

@@ -55,7 +55,8 @@ class OwnKind(Kind):
 FADE = 0.2
 """The priority of an added edge rises from 0 before its frames, and falls to 0 after them, within this time [s]."""
 SOFT = 100.0
-"""Default priority of a soft edge, over the squared leg [-]."""
+"""Default priority of a soft edge, over the squared leg [-]: the hand of a wave, drawn to 0.05 m from the head of the
+OP3, comes to 0.135 m in the mean with half and to 0.116 m with this; its limbs are off by 26.9 and 29.4°."""
 
 
 @dataclass(frozen=True, eq=False)

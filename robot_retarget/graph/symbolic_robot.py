@@ -18,11 +18,13 @@ from robot_retarget.robot.kinematics import Bodies, carrying, mass_shares
 from robot_retarget.robot.support import CORNER_NAMES, sole_corners
 
 SAMPLES = 6
-"""Number of configurations at which entries must agree to count as the same."""
+"""Number of configurations at which entries must agree to count as the same: half and double find the same entries on
+the OP3 and the G1."""
 Key = tuple[str | float, ...]
 """Name of a symbol, and the numbers that place it: a point, an axis, the hinges or the centre of mass."""
 DIGITS = 11
-"""Entries that agree at all of those to this number of decimals are equal, or zero."""
+"""Entries that agree at all of those to this number of decimals are equal, or zero: 13 and 14 find the same on the OP3
+and the G1, 8 drops 35 of 2102 slopes on the G1."""
 
 
 @dataclass(frozen=True)

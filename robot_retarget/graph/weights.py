@@ -72,7 +72,8 @@ class Weights:
     rest: float = 0.0004
     """Joints as the robot stands [1/rad²] (; 3.69, 3.69; 245, 245) ..."""
     wrist: float = 0.1
-    """... and wrists, if no marker shows the rotation of a hand [1/rad²]."""
+    """... and wrists, if no marker shows the rotation of a hand [1/rad²] (in 2 s of a clap by positions 4.00 and
+    4.00)."""
     swing: float = path
     """A swing foot at its reference, as the pelvis on its path."""
     smooth: float = 5.0

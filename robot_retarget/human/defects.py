@@ -159,7 +159,8 @@ class NoiseRule:
     quiet: float = 0.1
     """The quietest share of them counts [-]. Half and double find the same noise in clips of 13 exporters."""
     lowest_rate: float = 20.0
-    """At lower frame rates motion is as quick as noise [1/s]."""
+    """At lower frame rates motion is as quick as noise [1/s]: of seven clean clips a median σ of 0.6 mm is found at 20
+    frames a second, 1.6 at 15 and 5.0 at 10."""
     cutoff: float = 6.0
     """Of the low pass [Hz], as is usual for measured human motion [Winter2009]."""
 

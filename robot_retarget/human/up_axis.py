@@ -191,21 +191,25 @@ def _rest(recognition: Recognition, skeleton: Skeleton) -> Floats:
 # camera's own up axis. Its smallest eigenvector is u; the gaps to the others give the standard deviation of the tilt.
 
 ROUNDS = 3
-"""Stances are found again with the vertical that the ones before gave."""
+"""Stances are found again with the vertical that the ones before gave: of eight clips tilted by 17° the vertical errs
+by 2.2, 1.8 and 1.7° in the mean after 1, 2 and 3 rounds, and no less after 6."""
 
 
 @dataclass(frozen=True)
 class CameraRule:
-    """How far each kind of evidence strays."""
+    """How far each kind of evidence strays.
+
+    In brackets: the mean error of the vertical of eight clips tilted by 17°, with half and with double; with these it is 1.7°.
+    """
 
     floor: float = 0.05
-    """σ_f, of the height of a planted foot in a video's result [leg lengths]."""
+    """σ_f, of the height of a planted foot in a video's result [leg lengths] (1.5, 2.5)."""
     posture: float = 0.1
-    """σ_m, of the mean lean of a standing person [rad]."""
+    """σ_m, of the mean lean of a standing person [rad] (2.3, 2.6)."""
     camera: float = 0.3
-    """σ_c, of the tilt of a camera [rad]."""
+    """σ_c, of the tilt of a camera [rad] (3.6, 1.4)."""
     upright: float = 0.8
-    """A body stands while its head is higher over the ankles than this share of the most [-]."""
+    """A body stands while its head is higher over the ankles than this share of the most [-] (1.7; 1.8 with 1)."""
 
 
 def levelled(

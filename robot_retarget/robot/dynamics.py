@@ -19,13 +19,16 @@ from robot_retarget.scene.geoms import REST, SolidGround
 from robot_retarget.trajectory import Trajectory
 
 NEAR = 0.002
-"""Height at which a corner carries e⁻² of the load of a corner on the ground [m]: a foot in the air carries nothing."""
+"""Height at which a corner carries e⁻² of the load of a corner on the ground [m]: a foot in the air carries nothing.
+Half and double change the 99th percentile of the torques of three clips by 4 % at most."""
 PLANTED = 3 * NEAR
 """Corners this near to the lowest one carry the robot [m]."""
 EVENNESS = 1e-3
-"""Weight of contact forces [N] against the residual wrench of the root [N, N m]."""
+"""Weight of contact forces [N] against the residual wrench of the root [N, N m]: half and double change the torques of
+three clips by less than 0.1 % of the limits."""
 GRIP = 0.8
-"""Friction that the planted soles may use."""
+"""Friction that the planted soles may use: half and double change the torques of three clips by 0.3 % of the limits at
+most."""
 
 
 def root_dofs(robot: Robot) -> Ints:
@@ -310,7 +313,8 @@ def raise_root(robot: Robot, qpos: Floats, height: float) -> Floats:
 DOWN = REST
 """Sole points of a touching foot this near to the floor carry it [m]."""
 SMOOTH = 0.05
-"""Of the momenta of a plan [s]."""
+"""Of the momenta of a plan [s]: of a walk on the OP3 the 99th percentile of the torques is 0.77 of the limits with
+half, 0.61 with this and 0.37 with double; on the G1 0.30 with all."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -44,10 +44,12 @@ from robot_retarget.robot.soles import flat_footed, sole, tread
 HEAD_WORDS = {"head", "skull", "face"}
 TRUNK_WORDS = {"torso", "chest", "trunk", "thorax"}
 NECK = 0.3
-"""Position of a neck without usable hinges, as a share of the way from the shoulders to the head; a trunk of one piece ends in
-a head if it exceeds the shoulders by this share of their height over the pelvis [-]."""
+"""Position of a neck without usable hinges, as a share of the way from the shoulders to the head; a trunk of one piece
+ends in a head if it exceeds the shoulders by this share of their height over the pelvis [-]. In the skeletons of 30
+clips it is 0.34 to 0.45 (quartiles); half and double move the necks of three of eight robots by 2 to 7 cm."""
 CHEST = 0.15
-"""Place of the chest, as a share of the way from the shoulders to the pelvis [-]."""
+"""Place of the chest, as a share of the way from the shoulders to the pelvis [-]. In the skeletons of 30 clips it is
+0.17 to 0.37 (quartiles); half and double move the chests of the OP3 by 1 and 2 cm."""
 KEPT = 4
 """Number of cached anatomies: recognition takes half a second and several stages need it."""
 

@@ -135,15 +135,15 @@ class Sizes:
     """Defects that cost all of their share."""
 
     float_height: float = 0.05
-    """Mean height of the lowest sole point over the floor, frames in flight left out [m]."""
+    """Mean height of the lowest sole point over the floor, frames in flight left out, by definition [m]."""
     penetration: float = 0.02
-    """Its mean depth under the floor [m]."""
+    """Its mean depth under the floor, by definition [m]."""
     skate: float = 0.3
-    """Mean speed of the slowest point of a foot on the floor [m/s]: a slow walk of the foot."""
+    """Mean speed of the slowest point of a foot on the floor, by definition [m/s]: a slow walk of the foot."""
     overlap: float = 0.25
     """Share of frames in which the robot overlaps itself by over 1 mm [-]."""
     jerk: float = 2000.0
-    """Root mean square over the joints [rad/s³]: that of GMR's references of dances, about."""
+    """Root mean square over the joints [rad/s³]: by comparison, about that of GMR's references of dances."""
 
 
 @measures(

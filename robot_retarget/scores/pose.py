@@ -150,7 +150,7 @@ def contacts(subject: Subject) -> tuple[Value, ...]:
 # alone says nothing: a hand 12 cm inside a box has it as well. Units: % of frames, mm. Range: 0 to 100 %; 0 and more.
 
 BODY_TOUCH = (-0.0011, 0.02)
-"""Bounds of a touch [m]."""
+"""Bounds of a touch [m], by the definition above."""
 
 
 @measures(

@@ -25,7 +25,8 @@ from robot_retarget.trajectory import Trajectory
 # The points of a foot that stand on the floor, as the figures on feet see them.
 
 COUNT = 80
-"""A sole is sampled by at most this many points, evenly in the order of the model's vertices."""
+"""A sole is sampled by at most this many points, evenly in the order of the model's vertices: half gives the same skate
+of three clips, double 0.03 for 0.06 cm/s of one."""
 
 
 _ROUND = (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_CYLINDER)
@@ -91,9 +92,10 @@ def _places(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Floats:
 
 
 FAR = 0.05
-"""Links that are farther from a body do not touch it [m]."""
+"""Links that are farther from a body do not touch it [m]: 2.5 times the 2 cm of `pose.BODY_TOUCH`."""
 OVERLAP = 1e-3
-"""Overlaps of links up to this depth are the softness of a touch [m]."""
+"""Overlaps of links up to this depth are the softness of a touch [m]: half and double find none in three clips
+either."""
 
 
 @dataclass(frozen=True, eq=False)

