@@ -155,7 +155,7 @@ REST = 0.5
 HANDOVER = 0.2
 """The goals of a branch begin at most this time before a moment, at the row nearest to those of the playback [s]."""
 SAME = 0.05
-"""Goals that are farther apart there were computed in another way [rad]."""
+"""Goals that are farther apart there were computed in another way, and the trajectory is refused [rad]."""
 
 
 def ways_into_stand(

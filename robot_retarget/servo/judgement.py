@@ -18,7 +18,8 @@ from robot_retarget.servo.plan import ServoPlan, goal_plan, parting
 from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory
 
 SEAM = 0.1
-"""Largest distance between the stand of a clip and the first pose of the next [rad]."""
+"""Largest distance between the stand of a clip and the first pose of the next [rad]: a sequence with a larger one is
+refused."""
 FAILED = "it did not pass: "
 """Begins the message of a failed simulation, which another one of the same file does not mend."""
 
@@ -146,7 +147,8 @@ def _cut(trajectory: Trajectory, servo_map: ServoMap, servos: str) -> str | None
 FOLDER = "stops"
 """Folder next to a trajectory; it has a folder for each branch, named by its moment [s]."""
 AHEAD = 0.3
-"""A branch has the goals of its trajectory until this long before its moment, or it belongs to another [s]."""
+"""A branch that has not the goals of its trajectory until this long before its moment is refused as that of another
+[s]."""
 
 
 def judged_ways(

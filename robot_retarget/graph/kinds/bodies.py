@@ -48,7 +48,8 @@ class ClearanceKind(Kind):
     blocks. With half and with double the jerk of the OP3 in the box sample is 25.6 and 21.2 in place of 19.9 rad/s³, at
     the same limbs (0.04°)."""
     stream_reach: float = 0.06
-    """In streams, whose one step moves a hand farther than a pass of a clip [-]."""
+    """In streams, whose one step moves a hand farther than a pass of a clip [-]. Half and double do not change the box
+    sample."""
     scene: PlacedScene | None = None
 
     def targets(self, context: RetargetContext) -> Track | None:
@@ -157,7 +158,9 @@ class ContactKind(Kind):
     """π along the surface, over the squared leg [-]: below that of the distance, because no arm reaches every place.
     Half and double change the limbs of the OP3 in the box sample by 0.02° and keep all contacts."""
     lead: float = 0.2
-    """Rise and fall time of a touch in a stream [s], which an arm needs to the body: a touch is known when the human arrives."""
+    """Rise and fall time of a touch in a stream [s], which an arm needs to the body: a touch is known when the human
+    arrives. In the box sample the jerk of the OP3 is 707 rad/s³ with half, 389 with double and 432 with it, and 98.7,
+    96.4 and 98.0 % of the contacts are kept."""
     every: bool = False
     """Whether pairs have edges that never touch in the motion as well: a stream does not know which will."""
     pairs: tuple[tuple[str, int], ...] = ()
