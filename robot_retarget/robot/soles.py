@@ -11,7 +11,9 @@ from robot_retarget.robot.links import Links
 
 SOLE_DIRECTIONS = 8
 SOLE_TILTS = (0.05, 0.5, 1.1, 1.5)
-"""A sole is kept as its extreme points in this many directions around, at these angles under the horizon [rad]; the first on the flat part only."""
+"""A sole is kept as its extreme points in this many directions around, at these angles under the horizon [rad]; the
+first on the flat part only. With half as many directions a sole of the OP3 loses 6.5 mm, with twice as many points of
+ToddlerBot come 3.5 mm lower; half of the angles moves the lowest points of a humanoid by 8 mm, double by 3 mm."""
 TREAD = 0.0005
 """Solid points within this height above the lowest one carry a flat foot [m]: of eight robots half takes 15 cm from the
 tread of the H1, and double adds 2 mm to that of the G1."""

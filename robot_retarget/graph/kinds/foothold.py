@@ -67,10 +67,12 @@ class FootholdKind(Kind):
     frees: bool = True
     """Whether one of two feet steps where the robot's legs do not reach both footholds."""
     laid: float = 3000.0
-    """π normal to the floor on the coarse path, over the leg [-]: hard edges would bend every step of its descents."""
+    """π normal to the floor on the coarse path, over the leg [-]: hard edges would bend every step of its descents.
+    Half and double change the cost of a dance on the G1 by 1.2 and -1.3 %, and its limbs by 0.02° at most."""
 
     on_bodies: float = 1000.0
-    """π normal to the surface among bodies, over the leg [-]: below `HARD`, because their clearance knows the whole foot."""
+    """π normal to the surface among bodies, over the leg [-]: below `HARD`, because their clearance knows the whole
+    foot. Half and double change the cost of the box sample by less than 0.6 %, and no limb."""
 
     def targets(self, context: RetargetContext) -> Track | None:
         """Footholds read off the human."""

@@ -102,7 +102,9 @@ class NearKind(Kind):
     name: str = "near"
     whole = True
     priority: float = 20.0
-    """π at the surface, over the squared leg [-]: several times that of the path."""
+    """π at the surface, over the squared leg [-]: several times that of the path. In the box sample the limbs of the
+    OP3 are off by 8.93° with half and 10.05° with double (9.50), near distances by 0.0378 and 0.0364 (0.0375); the jerk
+    is 83 and 19 rad/s³ (20)."""
     reach: float = 0.3
     """π falls to 1/e at this distance of the human's hand, over the leg [-]."""
 
