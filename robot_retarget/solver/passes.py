@@ -165,7 +165,6 @@ class Passes:
         )
         self.path = integrate(robot, drawn, offsets)
         self.dual += difference(robot, self.path, relaxed)
-        self.dual[: clip.fixed] = 0.0
 
     def _step_half(self, half: Ints, descent: Descent, moving: Bools, active: Ints) -> None:
         """Step some of the even or odd frames."""

@@ -44,8 +44,8 @@ def test_feet_that_stand_on_a_block_keep_their_contacts() -> None:
 
 
 def test_a_plan_touches_within_a_millimetre_and_for_longer_than_a_moment() -> None:
-    assert len(planned_touches(OP3, standing())) == 2
-    assert not planned_touches(OP3, standing(gap=0.003))
+    assert [(touch.first, touch.last) for touch in planned_touches(OP3, standing(gap=0.0009))] == [(0, 30)] * 2
+    assert not planned_touches(OP3, standing(gap=0.0011))
     lifted, qpos = standing(gap=0.003), standing().qpos
     brief = lifted.qpos.copy()
     brief[10:14] = qpos[10:14]
@@ -60,9 +60,19 @@ def test_a_foot_that_never_touches_its_block_misses_it_with_its_time() -> None:
     gone = np.isin(rollout.around.bodies[:, 0], list(left)) & (rollout.times[rollout.around.frame] > 0.3)
     figures = contact_figures(plant.bodies, replace(rollout, around=rollout.around.of(~gone)), OP3, trajectory, None)
     (reason,) = missed_steps(figures)
+    assert figures["lost_contact"].split()[0] in [OP3.model.body(body).name for body in left]
+    before = contact_figures(plant.bodies, replace(rollout, around=rollout.around.of(~gone)), OP3, trajectory, 0.4)
+    assert before["body_contacts_lost"] == 0.0, "what a robot misses after it fell does not count"
     assert reason.startswith("the left foot misses block at 0.")
     assert float(reason.split()[-2]) == pytest.approx(0.3 + 0.15, abs=0.07)  # the last contact, and `LATE`
     assert 0.2 < figures["body_contacts_lost"] < 0.4 and "leaves block" in figures["lost_contact"]
+
+
+@pytest.mark.parametrize("kept", [0.49, 0.51])
+def test_a_foot_misses_a_step_on_which_it_stands_for_less_than_half_of_its_time(kept: float) -> None:
+    line = {"foot": "l", "body": "step", "kept": kept, "lost_s": 1.0}
+    assert bool(missed_steps({"body_contacts": [line]})) == (kept < 0.5)
+    assert not missed_steps({"body_contacts": [{**line, "foot": None}]})
 
 
 def test_the_verdict_names_contacts_that_are_missing_and_its_threshold_can_be_changed() -> None:
