@@ -8,7 +8,7 @@ from robot_retarget.base.files import SAMPLES
 
 motion = rr.read_motion(SAMPLES / "hips_and_bow.bvh").frames(0, 40)
 robot = rr.load_robot("op3")
-takes = [rr.retarget(motion, robot, preset=preset) for preset in ("directions", "distances")]
+takes = [rr.retarget(motion, robot, preset=preset, balance="off") for preset in ("directions", "distances")]
 for take in takes:
     print(take.likeness.sentence)
 

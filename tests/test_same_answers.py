@@ -26,20 +26,20 @@ def result() -> rr.Result:
 
 @pytest.fixture(scope="module")
 def report(result: rr.Result) -> rr.Report:
-    return rr.simulate(result)
+    return rr.simulate(result, draws=2)
 
 
 def test_python_judges_as_the_command_line_does(result: rr.Result, report: rr.Report, tmp_path: Path) -> None:
     path = tmp_path / "clap.npz"
     assert run("solve", CLIP, "--robot", "op3", "--frames", "0:20", "-o", path).returncode == 0
-    told = json.loads(run("simulate", path, "--robot", "op3", "--json", "--quiet").stdout)
+    told = json.loads(run("simulate", path, "--robot", "op3", "--draws", 2, "--json", "--quiet").stdout)
     assert report.badge.text == told["badge"]["text"]
     assert report.trajectory_sha256 == told["trajectory_sha256"]
     assert timeless(report.figures) == timeless(told["figures"])
 
 
 def test_a_result_brings_its_robot_its_warnings_and_its_likeness(result: rr.Result, report: rr.Report) -> None:
-    spelled = rr.simulate(result.trajectory, "op3", warnings=result.warnings)
+    spelled = rr.simulate(result.trajectory, "op3", warnings=result.warnings, draws=2)
     assert timeless(report.figures) == timeless(spelled.figures) and report.badge == spelled.badge
     assert report.figures["mode"] == "free" and {"foreseen", "limb_rad"} <= report.figures.keys()
 

@@ -56,7 +56,7 @@ def within_limits(robot: Robot, qpos: np.ndarray, times: np.ndarray) -> None:
 def test_a_stream_is_as_like_the_human_as_the_whole_clip_within_degrees(robot: Robot, clip: str) -> None:
     from robot_retarget.scores.likeness import likeness_of
 
-    motion = rr.read_motion(SAMPLES / f"{clip}.bvh").resample(30).frames(0, 100)
+    motion = rr.read_motion(SAMPLES / f"{clip}.bvh").resample(30).frames(0, 75)
     whole = rr.solve(rr.describe(motion, robot, fps=30), balance="off")
     qpos = np.array(list(rr.stream(robot, motion, native=False)))
     graph = whole.solution.graph
