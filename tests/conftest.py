@@ -1,11 +1,29 @@
 """Settings of all tests: properties are judged by their truth, not by how busy the machine is.
 
-The solver runs on the virtual machine: machine code gives the same bits and takes seconds to compile."""
+The solver runs on the virtual machine: machine code gives the same bits and takes seconds to compile. A shipped robot is
+loaded once per process: nothing changes a robot.
+"""
 
 import os
+from functools import cache
+from pathlib import Path
 
 from hypothesis import settings
+
+from robot_retarget import robot as robots
+from robot_retarget.robot import Robot, catalog
 
 settings.register_profile("unhurried", deadline=None)
 settings.load_profile("unhurried")
 os.environ["CC"] = ""
+
+SHIPPED = catalog.shipped_robots()
+load, shipped = catalog.load_robot, cache(catalog.load_robot)
+
+
+def load_robot(name: str | Path, limits: str | Path | None = None, servos: str | Path | None = None) -> Robot:
+    """As in the package; a shipped robot with its own tables is the one that was loaded before."""
+    return shipped(name) if name in SHIPPED and limits is None and servos is None else load(name, limits, servos)
+
+
+catalog.load_robot = robots.load_robot = load_robot

@@ -1,5 +1,8 @@
 """Near links of many configurations at once: against each configuration alone, and against MuJoCo's own constraints."""
 
+import copy
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 from hypothesis import given, settings
@@ -42,7 +45,8 @@ def test_configurations_measured_together_are_near_as_each_alone(seed: int, coun
 
 def test_slopes_are_the_rows_of_mujocos_constraints() -> None:
     """The engine has one row per contact along its normal; pairs of boxes are not compared, they have places of their own."""
-    separation = Separation(load_robot("op3"), REACH, feet=frozenset())  # a robot of its own, whose model may change
+    robot = replace(OP3, model=copy.copy(OP3.model))  # a robot of its own, whose model may change
+    separation = Separation(robot, REACH, feet=frozenset())
     model, compared = separation.model, 0
     model.geom_condim[:] = 1
     model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE

@@ -12,11 +12,11 @@ from robot_retarget.solver.options import SolveOptions
 from robot_retarget.solver.pipeline import solve
 
 
-@pytest.mark.parametrize("threads", [2, 3])
-def test_threads_change_no_bit_of_a_clip(threads: int) -> None:
-    graph = describe(read_motion(SAMPLES / "wave.bvh").frames(0, 80), load_robot("op3")).unbalanced()
-    alone, shared = (solve(graph, options=SolveOptions(threads=n)).trajectory.qpos for n in (1, threads))
-    assert np.array_equal(alone, shared)
+def test_threads_change_no_bit_of_a_clip() -> None:
+    graph = describe(read_motion(SAMPLES / "wave.bvh").frames(0, 60), load_robot("op3")).unbalanced()
+    alone, *shared = (solve(graph, options=SolveOptions(threads=n)).trajectory.qpos for n in (1, 2, 3))
+    for qpos in shared:
+        np.testing.assert_array_equal(alone, qpos)
 
 
 @pytest.mark.parametrize(("count", "threads"), [(0, 2), (1, 2), (LEAST, 3), (5 * LEAST, 2), (5 * LEAST + 1, 4)])

@@ -134,7 +134,7 @@ def test_what_cannot_be_reached_is_said_and_come_as_near_to_as_can_be() -> None:
 
 def test_a_soft_edge_is_the_nearer_to_what_it_asks_the_more_it_counts() -> None:
     missed = []
-    for priority in (None, 6.25, 12.5, 25.0, 50.0, 100.0, 200.0):
+    for priority in (None, 6.25, 25.0, 100.0):
         graph = wave().frames(20, 60)
         if priority is not None:
             graph = graph.with_edge("r_hand", "head", 0.05, frames=(10, 30), priority=priority)
