@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robot_retarget.contact.rule import JOINTS, SOLES, ContactRule, entered_runs
+from robot_retarget.contact.rule import JOINTS, SOLES, ContactRule, entered_runs, on_surface, touching_down
 
 
 @pytest.mark.parametrize(
@@ -29,3 +29,19 @@ def test_the_floor_lies_under_all_but_two_in_a_hundred_heights() -> None:
     crouch = np.r_[np.zeros(5), np.ones(95)]
     assert JOINTS.floor_height(crouch) == pytest.approx(0.0)
     assert JOINTS.floor_height(np.r_[[-1.0], np.ones(99)]) == pytest.approx(1.0)
+
+
+def test_the_lowest_of_some_points_is_on_a_surface_until_it_is_higher_than_where_it_came() -> None:
+    heights = np.array([0.11, 0.09, 0.07, 0.09, 0.11, 0.09])
+    assert on_surface(np.stack([heights, heights + 1.0], axis=1)).tolist() == [False, True, True, True, False, False]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_point_that_lands_touches_where_two_steps_in_a_row_are_slow_at_30_frames_a_second(seed: int) -> None:
+    step = np.random.default_rng(seed).uniform(0.0, 0.9, 60)  # [leg lengths / s]
+    points = np.zeros((61, 3))
+    points[1:, 0] = np.cumsum(step) / 30
+    slowest = [min(step[k : k + 2].mean() for k in range(max(t - 2, 0), min(t, 58) + 1)) for t in range(61)]
+    enter, stay = np.array(slowest) < JOINTS.enter_speed, np.array(slowest) < JOINTS.leave_speed
+    np.testing.assert_array_equal(touching_down(points, np.zeros(61), 30.0), entered_runs(enter, stay))
+    assert enter.any() and not stay.all()

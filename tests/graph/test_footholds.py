@@ -17,6 +17,7 @@ from robot_retarget.base.arrays import Floats, intervals, smoothstep
 from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.graph.footholds import (
+    Surface,
     foothold_corners,
     footholds_of,
     median_pose,
@@ -44,6 +45,13 @@ stances = st.integers(8, 40).flatmap(lambda frames: arrays(bool, frames))
 @cache
 def walk() -> RobotGraph:
     return describe(read_motion(SAMPLES / "walk.bvh"), load_robot("op3"), fps=30)
+
+
+def test_a_stance_lies_on_the_plane_of_its_median_height() -> None:
+    heights, normals = np.array([0.0, 0.3, 0.1, 0.2, 9.0, 5.0]), np.random.default_rng(0).normal(size=(6, 3))
+    places = np.stack([np.arange(6.0), np.zeros(6), heights], axis=1)
+    place, normal = Surface(places, normals, np.zeros((6, 3))).over(slice(0, 5))
+    np.testing.assert_array_equal((place, normal), (places[3], normals[3]))
 
 
 def schedule(motion: Motion) -> dict[str, np.ndarray]:

@@ -9,7 +9,7 @@ from shared_files import SHARED, needs_shared
 import robot_retarget as rr
 from robot_retarget.base.errors import BalanceError
 from robot_retarget.base.files import SAMPLES
-from robot_retarget.human.features import Activity, features_of
+from robot_retarget.human.features import Activity, activity_of, features_of
 
 BVH = SHARED / "motions/bvh"
 OP3 = rr.load_robot("op3")
@@ -26,6 +26,20 @@ def kind(motion: rr.Motion) -> str:
 @pytest.mark.parametrize(("clip", "expected"), [("clap", "in place"), ("squat", "in place"), ("walk", "stepping")])
 def test_sample_clips_are_what_their_names_say(clip: str, expected: str) -> None:
     assert kind(rr.read_motion(SAMPLES / f"{clip}.bvh")) == expected
+
+
+@pytest.mark.parametrize(("lifted", "expected"), [(9, "in place"), (11, "stepping")])
+def test_a_human_who_lifts_a_foot_for_more_than_a_tenth_of_the_time_steps(lifted: int, expected: str) -> None:
+    never, stands = np.zeros(100, bool), np.ones((100, 2), bool)
+    steps = stands.copy()
+    steps[40 : 40 + lifted] = False
+    assert activity_of(never, never, {"l": stands, "r": steps}, 30.0).kind == expected
+
+
+@pytest.mark.parametrize(("seated", "expected"), [(9, "in place"), (11, "supported")])
+def test_a_human_who_sits_for_more_than_a_tenth_of_the_time_is_held_up(seated: int, expected: str) -> None:
+    stands, sits = np.ones((100, 2), bool), np.arange(100) < seated
+    assert activity_of(sits, np.zeros(100, bool), {"l": stands, "r": stands}, 30.0).kind == expected
 
 
 @needs_shared

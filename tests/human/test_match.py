@@ -18,6 +18,7 @@ from robot_retarget.robot import load_robot
 def test_two_whole_bodies_share_every_keypoint() -> None:
     matched = match(read_motion(SAMPLES / "wave.bvh"), load_robot("op3"))
     assert matched.keypoints == KEYPOINTS
+    assert matched.human_leg == pytest.approx(0.888, abs=1e-3)
     assert matched.leg_ratio == pytest.approx(0.22 / 0.888, rel=0.02)  # thigh and shin: OP3 over Table I
 
 

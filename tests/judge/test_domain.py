@@ -30,6 +30,12 @@ def test_a_draw_leaves_the_plant_it_was_drawn_from_alone():
     assert all(np.array_equal(a, b) for a, b in zip(before, after, strict=True))
 
 
+def test_a_heavier_robot_turns_as_heavily():
+    model = drawn(FREE, Draw(mass=1.1), Playback())[0].model
+    np.testing.assert_allclose(model.body_mass, 1.1 * FREE.model.body_mass)
+    np.testing.assert_allclose(model.body_inertia, 1.1 * FREE.model.body_inertia)
+
+
 def test_the_empty_draw_is_the_model():
     (same,) = rollouts(FREE, STAND, [Draw()])
     assert np.array_equal(same.qpos, roll_out(FREE, STAND, "free").qpos)

@@ -25,8 +25,8 @@ from robot_retarget.judge.stance import floor_height, slip_distances, stance_of,
 from robot_retarget.judge.verdict import Thresholds, read_thresholds
 from robot_retarget.judge.worlds import Draw
 from robot_retarget.robot import load_robot
-from robot_retarget.robot.dynamics import margins
-from robot_retarget.robot.support import level_planes
+from robot_retarget.robot.dynamics import Stance, margins
+from robot_retarget.robot.support import feet_of, level_planes
 from robot_retarget.trajectory import Trajectory
 
 OP3 = load_robot("op3")
@@ -108,6 +108,14 @@ def test_a_standing_robots_centre_of_mass_lies_over_its_zero_moment_point():
     assert stance is not None and stance.touching[-1].all()
     np.testing.assert_allclose(stance.zmp[-1], stance.com[-1], atol=2e-3)
     assert 0.02 < stance.com_margin[-1] < 0.1
+
+
+def test_a_slip_begins_anew_where_a_foot_is_put_down():
+    feet, points, down = feet_of(OP3), np.zeros((30, 8, 3)), np.ones((30, 8), bool)
+    points[..., 0] = np.interp(np.arange(30), [0, 9, 14, 24], [0.0, 0.005, 0.1, 0.104])[:, None]
+    down[10:14], nowhere, unknown = False, np.zeros((30, 2)), np.full(30, np.nan)
+    stance = Stance(feet, np.arange(30) / 30, down[:, :2], points, down, nowhere, nowhere, unknown, unknown)
+    assert len(feet.owner) == 8 and slip_distances(stance) == pytest.approx([0.005, 0.005])
 
 
 def test_a_foot_pushed_over_ice_slips_and_one_on_the_ground_does_not():

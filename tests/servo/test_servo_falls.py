@@ -94,3 +94,20 @@ def test_a_joint_that_lags_below_its_step_cap_was_not_played(tmp_path: Path) -> 
         outcome = play(plan, patient, robot.port, PlaybackOptions(end_pose=False, lockstep=True), say=say)
     assert (outcome.ended, outcome.exit_code) == (PlaybackEnd.ASTRAY, 1), outcome.sentence
     assert outcome.reason.startswith("j2 was 0.")
+
+
+def test_a_gyroscope_that_turns_at_rest_tips_nobody_over() -> None:
+    """Its bias is measured on the way to the first pose; it would look like a lean of 0.14 rad."""
+    plan, noise, said = ServoPlan(np.zeros((1, 1)), 125.0, up=np.array([[0.0, 0.0, 1.0]])), np.random.default_rng(0), []
+
+    class Biased:
+        def read(self) -> Reading:
+            return Reading(np.array([0.05, -0.05, 0.0]) + 1e-3 * noise.standard_normal(3), LEVEL.accel)
+
+    guard = FallGuard(plan, Biased(), Imu(), Balance(stop_roll=0.05, stop_pitch=0.05, fusion=2.0), said.append)
+    for _ in range(50):
+        guard.listen(plan.angles[0])
+    guard.ready()
+    for _ in range(1250):
+        guard.goal(0, plan.angles[0])
+    assert guard.trusted and not said

@@ -57,6 +57,13 @@ def test_forces_on_one_plane_push_at_the_mean_of_their_places_weighed_by_their_n
     assert planes.points(wrench[None])[0] == pytest.approx(share @ places / share.sum(), abs=1e-9)
 
 
+def test_ground_that_carries_a_twentieth_of_the_weight_has_a_zero_moment_point() -> None:
+    planes, ground = planes_through([SOLE, SOLE], [np.tile([0.0, 0.0, 1.0], (4, 1))] * 2), np.zeros((2, 6))
+    ground[:, 2] = 0.049, 0.051
+    light, heavy = zero_moment_point(ground, planes, 1.0)
+    assert np.isnan(light).all() and heavy == pytest.approx([0.0, 0.0])
+
+
 def test_a_sole_that_overhangs_stands_on_the_part_over_the_step() -> None:
     points, heights, normals = block(0.013).footing(SOLE + np.array([0.0, 0.0, RISE]))
     assert (points.min(axis=0), points.max(axis=0)) == (

@@ -6,7 +6,7 @@ from shared_files import SHARED, needs_shared
 
 from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import RobotGraph, describe
-from robot_retarget.graph.track import FRAME, Role, ordered
+from robot_retarget.graph.track import FRAME, SECOND_DIFFERENCE, Role, ordered
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot, world_points
 from robot_retarget.robot.kinematics import integrate
@@ -72,6 +72,23 @@ def test_a_joint_keeps_the_narrowest_of_its_own_range_and_all_its_bounds(case: C
     for mine, theirs in ((lower, found.lower), (upper, found.upper), (speed, found.speed)):
         np.testing.assert_array_equal(mine, theirs)
     assert (lower > robot.lower).any() and (upper < robot.upper).any() and (speed < 0).any()
+
+
+def test_the_target_of_a_second_difference_is_the_mean_of_those_of_its_edges_by_their_weights(case: Case) -> None:
+    graph, problem = case
+    draw, at, robot = np.random.default_rng(0), 0, graph.robot
+    lower = draw.normal(size=len(targets(graph, 7)))
+    asked = Targets(lower, lower, draw.uniform(1, 9, len(lower)))
+    pull, weight = np.zeros(robot.model.nv), np.zeros(robot.model.nv)
+    for track in ordered(graph.tracks):
+        if track.stencil == SECOND_DIFFERENCE and track.role is Role.COST:
+            assert len(track) == robot.model.nv
+            own = asked.priority[at : at + len(track)] / track.scale**2
+            weight, pull = weight + own, pull + own * lower[at : at + len(track)]
+        at += len(track)
+    found = problem.limits.differences(asked, SECOND_DIFFERENCE)
+    np.testing.assert_allclose(found.weight, weight)
+    np.testing.assert_allclose(found.bend, pull / weight)
 
 
 @needs_shared

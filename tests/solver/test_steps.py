@@ -8,7 +8,14 @@ from hypothesis import strategies as st
 from robot_retarget.scene.geoms import SolidGround
 from robot_retarget.scene.scene import RigidBody, Scene
 from robot_retarget.scene.shape import ShapeKind, solid
-from robot_retarget.solver.balance.footsteps import REACH, reachable_footholds, total_step_length, without_small_swings
+from robot_retarget.solver.balance.footsteps import (
+    REACH,
+    gaps,
+    reachable_footholds,
+    spread,
+    total_step_length,
+    without_small_swings,
+)
 
 LEG = 0.25
 SOLE = np.array([[0.06, 0.04, 0.0], [0.06, -0.04, 0.0], [-0.06, 0.04, 0.0], [-0.06, -0.04, 0.0]])
@@ -58,6 +65,26 @@ def test_a_swing_is_a_step_when_it_goes_far_or_lifts_the_foot_or_ends_on_another
         place = np.array([0.37, 0.0, height / 2, 1, 0, 0, 0])
         ground = SolidGround(Scene((RigidBody("block", solid(ShapeKind.BOX, (0.6, 0.4, height)), place),)))
     assert (without_small_swings(planted, corners, leg, 30.0, ground=ground) == planted).all() == step
+
+
+def test_a_foot_hands_over_to_the_other_while_both_stand() -> None:
+    planted, corners = np.ones((40, 2), bool), np.tile(OWN, (40, 1, 1, 1))
+    planted[20:, 0] = planted[:20, 1] = False
+    corners[20:, 0, :, 2] = corners[:20, 1, :, 2] = 1.0
+    kept = without_small_swings(planted, corners, 0.8, 30.0)
+    assert kept[19:21].all() and (kept[:19] == planted[:19]).all() and (kept[21:] == planted[21:]).all()
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3, 0.6])
+def test_soles_that_turn_towards_each_other_keep_nearly_half_of_the_gap_of_the_stand(turn: float) -> None:
+    corners = OWN[None].copy()
+    spin = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    middle = corners[:, 0].mean(axis=1)[..., :2]
+    corners[:, 0, :, :2] = (corners[:, 0, :, :2] - middle) @ spin.T + middle
+    corners[:, 0, :, 1] -= 0.04
+    placed = spread(corners, OWN)
+    assert gaps(placed)[0] > 0.45 * gaps(OWN[None])[0]
+    np.testing.assert_allclose(placed.mean(axis=(1, 2)), corners.mean(axis=(1, 2)), atol=1e-12)
 
 
 def test_steps_within_reach_stay_as_they_are() -> None:
