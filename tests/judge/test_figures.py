@@ -111,11 +111,11 @@ def test_a_standing_robots_centre_of_mass_lies_over_its_zero_moment_point():
 
 
 def test_a_slip_begins_anew_where_a_foot_is_put_down():
-    feet, points, down = feet_of(OP3), np.zeros((30, 8, 3)), np.ones((30, 8), bool)
+    feet, points, down = feet_of(OP3), np.zeros((30, 16, 3)), np.ones((30, 16), bool)
     points[..., 0] = np.interp(np.arange(30), [0, 9, 14, 24], [0.0, 0.005, 0.1, 0.104])[:, None]
     down[10:14], nowhere, unknown = False, np.zeros((30, 2)), np.full(30, np.nan)
     stance = Stance(feet, np.arange(30) / 30, down[:, :2], points, down, nowhere, nowhere, unknown, unknown)
-    assert len(feet.owner) == 8 and slip_distances(stance) == pytest.approx([0.005, 0.005])
+    assert len(feet.owner) == 16 and slip_distances(stance) == pytest.approx([0.005, 0.005])
 
 
 def test_a_foot_pushed_over_ice_slips_and_one_on_the_ground_does_not():
