@@ -216,3 +216,11 @@ def test_a_sensor_that_prints_lines_is_read_to_the_newest_whole_one() -> None:
 def test_a_port_that_is_not_there_is_named() -> None:
     with pytest.raises(ServoError, match="no_such_port"):
         LineSensor(Imu(kind="lines", port="/dev/no_such_port"))
+
+
+@pytest.mark.parametrize("axes", [("x", "y", "z"), ("-y", "x", "z"), ("z", "x", "y")])
+def test_registers_of_a_board_hold_a_reading_however_it_is_mounted(axes: tuple[str, str, str]) -> None:
+    mounting, reading = Imu(axes=axes).mounting, Reading(np.array([0.1, -0.2, 0.3]), np.array([1.0, -2.0, 9.0]))
+    found = decoded(encoded(reading, mounting), mounting)
+    np.testing.assert_allclose(found.gyro, reading.gyro, atol=2e-3)
+    np.testing.assert_allclose(found.accel, reading.accel, atol=1e-3)

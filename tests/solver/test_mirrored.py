@@ -25,13 +25,14 @@ OTHER = {"Left": "Right", "Right": "Left", "L": "R", "R": "L", "l": "r", "r": "l
 
 
 def mirrored(motion: Motion) -> Motion:
-    """Left and right exchanged: joints, places and turns."""
+    """Left and right exchanged: joints, places and turns, also of the clip that it is a part of."""
     names = motion.skeleton.names
     side = re.compile("^(Left|Right|[LR](?=[A-Z])|[lr](?=hand))")
     other = [side.sub(lambda found: OTHER[found[0]], n) for n in names]
     order = [names.index(n) for n in other]
     turned = None if motion.rotations is None else motion.rotations[:, order] * [1, -1, 1, -1]
-    return replace(motion, positions=motion.positions[:, order] * [1, -1, 1], rotations=turned)
+    whole = None if motion.whole is None else mirrored(motion.whole)
+    return replace(motion, positions=motion.positions[:, order] * [1, -1, 1], rotations=turned, whole=whole)
 
 
 def asymmetry(motion: Motion, robot: Robot, separated: bool = True) -> float:
