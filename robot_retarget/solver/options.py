@@ -148,7 +148,9 @@ class RealTime:
     root_turn: float = 25.0
     """... and its largest angular speed [rad/s]; half and double change none of those streams."""
     drawn: float = 40.0
-    """Weight that draws a delayed pose to the smooth path through the frames after it [1/rad²]."""
+    """Weight that draws a delayed pose to the smooth path through the frames after it [1/rad²]: 5 frames late the jerk
+    of a walk on the OP3 is 737 rad/s³ with half, 612 with double and 658 with it, its skate 0.96, 1.31 and 1.11
+    cm/s."""
     gap: float = 0.1
     """After a longer time without a frame, of 3 frames at 30 a second [s] ..."""
     ease: float = 0.5

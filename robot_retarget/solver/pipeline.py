@@ -128,8 +128,9 @@ class Result:
 
 
 EXACT = 3e-4
-"""Factor of smoothness, of the pull to the standing pose and of tolerances for a motion that a robot performs [-]: it is
-smooth already, and every joint has a target."""
+"""Factor of smoothness, of the pull to the standing pose and of tolerances for a motion that a robot performs [-]: it
+is smooth already, and every joint has a target. Half and double change the cost of a dance of the G1 on the OP3 by 0.1
+%."""
 
 
 class SolveArguments(TypedDict, total=False):

@@ -194,7 +194,8 @@ class OrientationKind(Kind):
 # Mass: the centre of mass over a spot of the support polygon; a kind that balance adds to a graph.
 
 OVER = 3e3
-"""π of the centre of mass along the floor, over the squared leg: feet come first, all else after [-]."""
+"""π of the centre of mass along the floor, over the squared leg: feet come first, all else after [-]. Half and double
+do not change a balanced squat of the OP3."""
 
 
 class MassKind(Kind):
