@@ -107,7 +107,7 @@ def tangent_reflection(robot: Robot) -> np.ndarray:
 @pytest.mark.parametrize("clip", ["hips_and_bow", "squat"])
 def test_hulls_that_differ_from_side_to_side_hardly_give_a_motion_a_side(clip: str) -> None:
     """Those of this robot's hips do by a millimetre and a half, and its wrists rest on them."""
-    motion = read_motion(SAMPLES / f"{clip}.bvh").resample(30)
+    motion = read_motion(SAMPLES / f"{clip}.bvh").resample(15)
     robot = load_robot(SHARED / "robots/unitree_g1/unitree_g1.xml")
     angles = retarget(motion, robot, balance="off").trajectory.qpos[:, robot.qpos_index]
     assert np.abs(mirror_of(robot, LEFT).angles(angles) - angles).max() < 0.05
@@ -125,5 +125,5 @@ def test_hulls_that_differ_from_side_to_side_hardly_give_a_motion_a_side(clip: s
 )
 def test_so_it_does_on_robots_whose_joints_mirror_each_other_and_whose_meshes_do_not(name: str, clip: Path) -> None:
     """But for links that near each other: there it is the meshes that say how far they may."""
-    motion, robot = read_motion(clip).resample(10), load_robot(SHARED / f"robots/{name}/{name}.xml")
+    motion, robot = read_motion(clip).resample(10).frames(0, 40), load_robot(SHARED / f"robots/{name}/{name}.xml")
     assert asymmetry(motion, robot, separated=False) < 1e-3

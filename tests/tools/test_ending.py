@@ -134,7 +134,7 @@ def test_closed_stderr_changes_nothing() -> None:
     assert done.returncode == 0 and done.stdout
 
 
-@pytest.mark.parametrize("after", [0.02, 0.05, 0.1, 0.2, 0.4, 0.8])
+@pytest.mark.parametrize("after", [0.05, 0.2, 0.8])
 def test_ctrl_c_while_a_command_loads_leaves_no_traceback(after: float, tmp_path: Path) -> None:
     program = "import robot_retarget.__main__ as m; print(flush=True); m.main()"
     words = [sys.executable, "-c", program, "solve", str(WAVE), "--robot", "op3", "-o", str(tmp_path / "t.npz")]
