@@ -323,7 +323,10 @@ def _path_off(robot: Floats, human: Floats, leg: float) -> float:
 
 @dataclass(frozen=True)
 class Alike:
-    """Limits of a motion that is like the human's."""
+    """Limits of a motion that is like the human's.
+
+    In brackets: how many of 31 clips on the G1 and on the OP3 without balance, 62, exceed half of a limit, the limit and double.
+    """
 
     unlike_arms: float = 0.2
     """Mean angle of upper arms and forearms to the human's, beyond the least that ranges of joints allow [rad] ..."""
@@ -337,18 +340,18 @@ class Alike:
     unlike_slowdown: float = 2.5
     """Duration over the human's."""
     contacts_lost: float = 0.3
-    """Share of the human's hand contacts that the robot does not make."""
+    """Share of the human's hand contacts that the robot does not make (1, 0, 0)."""
     steps_shortened: float = 0.6
-    """Share by which steps are shorter than the scaled human's."""
+    """Share by which steps are shorter than the scaled human's (0, 0, 0); half steps make 0.5."""
     path_off: float = 0.6
     """Mean error of the pelvis' place over the human's mean distance from its start, or a leg: steps of half their length make
     0.5, standing in place makes 1."""
     heading_off: float = 0.6
-    """Heading error that lasts for a tenth of the time [rad]."""
+    """Heading error that lasts for a tenth of the time [rad] (0, 0, 0): 34°."""
     steps_lost: float = 0.5
-    """Share of the human's steps that the robot does not take."""
+    """Share of the human's steps that the robot does not take (11, 3, 0): every second one makes 0.5."""
     unfinished: float = 0.25
-    """Share of the frames that the solver did not finish."""
+    """Share of the frames that the solver did not finish (0, 0, 0): one in 4."""
 
 
 def _part_check(part: str, are: str) -> Check:

@@ -22,7 +22,7 @@ from robot_retarget.trajectory import Trajectory
 
 WORTH_COMPILING = 60
 """Number of frames from which a clip is worth the compile time of a C compiler, once per robot (`native.py`), for later
-clips."""
+clips: that of the G1 is 5 s of a core, and 66 frames of a dance are solved in 1.8 s."""
 
 
 def solve_graph(
