@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from queue import Empty, Queue
 from threading import Thread
@@ -18,7 +19,7 @@ import pytest
 from performers import HOST, clip, listening, performing
 from shared_files import ROOT
 
-from robot_retarget.actuators.map import load_map
+from robot_retarget.actuators.map import dump_map, load_map
 from robot_retarget.base.files import SAMPLES
 from robot_retarget.live.loop import Loop
 from robot_retarget.live.messages import line_of, skeleton_line
@@ -128,8 +129,11 @@ def require_played(process: subprocess.Popen[str]) -> None:
 
 
 def test_the_emulated_op3_follows_a_performer_within_every_limit(tmp_path: Path) -> None:
-    log, servo_map = tmp_path / "play.npz", load_map("op3")
-    process = started("--from", WAVE, "--speed", "0.2", "--to", "servos", "--serial", "emulated", "--log", str(log))
+    log, own, servo_map = tmp_path / "play.npz", tmp_path / "servos.toml", load_map("op3")
+    patient = replace(servo_map.limits, watchdog=2.0, silence=1.0)  # a busy machine pauses for tenths of a second
+    own.write_text(dump_map(replace(servo_map, limits=patient)), encoding="utf-8")
+    emulated = "--to", "servos", "--servos", str(own), "--serial", "emulated", "--log", str(log)
+    process = started("--from", WAVE, "--speed", "0.2", *emulated)
     require_played(process)
     process.send_signal(signal.SIGINT)
     process.wait(60)
