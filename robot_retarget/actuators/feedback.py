@@ -55,7 +55,8 @@ class Fusion:
 #     d   = clip(s (K_ω e_ω + K_θ e_θ), ±bound)               s fades in at the start and out at a sensor fault
 #     u   = q* + d                                            d no faster than `speed`, u inside range and top speed
 #
-# The reference θ*, ω* is that of the reading's row, `lag` rows ago.
+# The reference θ*, ω* is that of the reading's row, `lag` rows ago. The gains of a leg are 0 while its foot is planned in the air: there they
+# turn the foot, not the trunk, and it lands on an edge.
 
 PREFIX = "feedback_"
 """Prefix of the keys in the trajectory file."""
@@ -92,11 +93,15 @@ class Feedback:
     """(n,) the goals in which a falling robot stops [rad]."""
     lean: Floats
     """(n, 2) change of the joints per roll and pitch of the root body over standing feet [-]; zeros without feet."""
+    legs: Floats
+    """(n, F) 1 for the joints of each leg."""
+    air: Floats
+    """(N, F) 1 where a foot is planned in the air."""
 
     def __post_init__(self) -> None:
         for name in SHAPES:
             object.__setattr__(self, name, frozen(getattr(self, name)))
-        sizes = {"n": len(self.lower), "N": len(self.reference)}
+        sizes = {"n": len(self.lower), "N": len(self.reference), "F": self.air.shape[-1]}
         for name, letters in SHAPES.items():
             value, shape = getattr(self, name), tuple(sizes.get(str(size), size) for size in letters)
             if value.shape != shape or not np.isfinite(value).all():
@@ -104,7 +109,7 @@ class Feedback:
 
     def of(self, order: Ints | list[int]) -> "Feedback":
         """Return the same for other joints, by their indices."""
-        names = ("rate", "tilt", "lower", "upper", "crouch", "lean")
+        names = [name for name, shape in SHAPES.items() if shape[0] == "n"]
         return replace(self, **{name: getattr(self, name)[order] for name in names})
 
     def arrays(self) -> dict[str, Any]:
@@ -114,14 +119,16 @@ class Feedback:
 
 SHAPES: dict[str, tuple[int | str, ...]] = {
     "rate": ("n", 2), "tilt": ("n", 2), "lower": ("n",), "upper": ("n",), "crouch": ("n",), "lean": ("n", 2),
-    "reference": ("N", 4), "stop": (2,),
+    "legs": ("n", "F"), "reference": ("N", 4), "air": ("N", "F"), "stop": (2,),
 }  # fmt: skip
-"""Shapes of the arrays: N goals of n joints."""
+"""Shapes of the arrays: N goals of n joints, F feet."""
 FIELDS = {
     PREFIX + field.name: Field("number", SHAPES.get(field.name, ()), required=False) for field in fields(Feedback)
 }
 """Fields of the trajectory file."""
 KEYS = tuple(FIELDS)
+SWING = ("feedback_legs", "feedback_air")
+"""Keys that files of earlier versions do not have: their feedback takes every foot for a standing one."""
 
 
 def has_all(values: Mapping[str, Any], keys: Sequence[str]) -> bool:
@@ -142,9 +149,12 @@ def read_feedback(values: Mapping[str, Any]) -> Feedback | None:
     Raises:
         TrajectoryError: a key is missing, or the numbers are invalid.
     """
-    if not has_all(values, KEYS):
+    swing = has_all(values, SWING)
+    if not has_all(values, [key for key in KEYS if key not in SWING]):
         return None
-    found = {key.removeprefix(PREFIX): np.asarray(values[key], dtype=float) for key in KEYS}
+    found = {key.removeprefix(PREFIX): np.asarray(values[key], dtype=float) for key in KEYS if key in values}
+    if not swing:
+        found |= {"legs": np.zeros((len(found["lower"]), 0)), "air": np.zeros((len(found["reference"]), 0))}
     plain: dict[str, Any] = {name: value if value.ndim else float(value) for name, value in found.items()}
     plain["lag"] = int(plain["lag"])
     return Feedback(**plain)
@@ -161,7 +171,7 @@ class Law:
     def __init__(self, feedback: Feedback, dt: float) -> None:
         self.feedback, self._dt = feedback, dt
         self._fusion = Fusion(feedback.fusion)
-        self._share, self._goal = 0.0, np.zeros(0)
+        self._share, self._goal, self._row = 0.0, np.zeros(0), 0
         self.added: Floats = np.zeros(len(feedback.lower))
         """(n,) the angle added to the goals [rad]."""
         self.excess: Floats = np.zeros(4)
@@ -173,7 +183,7 @@ class Law:
 
     def step(self, row: int, plan: Floats, reading: Reading | None) -> Floats:
         """Return the goals (n,) [rad] to send for planned ones; without a finite reading the added angle stays."""
-        heard = reading is not None and reading.finite
+        heard, self._row = reading is not None and reading.finite, row
         if reading is not None and heard:
             self._measure(row, reading)
         if heard or not self.trusted:
@@ -192,7 +202,8 @@ class Law:
     def _add(self) -> None:
         f, step = self.feedback, self._dt / self.feedback.fade
         self._share = min(1.0, self._share + step) if self.trusted else max(0.0, self._share - step)
-        wanted = self._share * np.clip(f.tilt @ self.excess[:2] + f.rate @ self.excess[2:], -f.bound, f.bound)
+        stands = self._share * (1 - f.legs @ f.air[min(self._row, len(f.air) - 1)])
+        wanted = stands * np.clip(f.tilt @ self.excess[:2] + f.rate @ self.excess[2:], -f.bound, f.bound)
         reach = f.speed * self._dt
         self.added = self.added + np.clip(wanted - self.added, -reach, reach)
 

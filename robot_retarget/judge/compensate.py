@@ -54,11 +54,8 @@ def torque_limited_reference(torque: Floats, bound: float, inertia: float, dampi
     count = len(torque)
     if count < 5 or np.abs(torque).max() <= bound:
         return np.zeros(count)
-    before, here, after = (
-        inertia / dt**2 - damping / (2 * dt),
-        -2 * inertia / dt**2,
-        inertia / dt**2 + damping / (2 * dt),
-    )
+    mass, drag = inertia / dt**2, damping / (2 * dt)
+    before, here, after = mass - drag, -2 * mass, mass + drag
 
     def add(change: Floats) -> Floats:
         padded = np.pad(change, 1)

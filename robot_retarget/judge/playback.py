@@ -197,11 +197,7 @@ class Rollout:
 
 
 def roll_out(
-    plant: Plant,
-    trajectory: Trajectory,
-    mode: Mode,
-    playback: Playback | None = None,
-    command: Goals | None = None,
+    plant: Plant, trajectory: Trajectory, mode: Mode, playback: Playback | None = None, command: Goals | None = None
 ) -> Rollout:
     """Step the physics from settling to the end.
 

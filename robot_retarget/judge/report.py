@@ -298,15 +298,9 @@ def _foreseen(played: SimulatedTrajectory, until: float | None) -> dict[str, Any
 
 
 def _tracks(tracking: Tracking, plain: Tracking, plant: Plant) -> dict[str, Floats]:
-    return {
-        "time": tracking.times,
-        "wanted": tracking.wanted,
-        "measured": tracking.measured,
-        "plain": _so_far(plain.measured, len(tracking.times)),
-        "error": tracking.error,
-        "torque": tracking.torque,
-        "bounds": plant.bounds,
-    }
+    same = {name: getattr(tracking, name) for name in ("wanted", "measured", "error", "torque")}
+    plain_measured = _so_far(plain.measured, len(tracking.times))
+    return {"time": tracking.times, "plain": plain_measured, "bounds": plant.bounds, **same}
 
 
 def _poses(rollout: Rollout, times: Floats) -> Floats:
@@ -326,12 +320,5 @@ def _so_far(values: Floats, frames: int) -> Floats:
 def _stands(stance: Stance | None) -> dict[str, Floats]:
     if stance is None:
         return {}
-    return {
-        "state_time": stance.times,
-        "com": stance.com,
-        "zmp": stance.zmp,
-        "com_margin": stance.com_margin,
-        "zmp_margin": stance.zmp_margin,
-        "soles": stance.points[..., :2],
-        "down": stance.down,
-    }
+    same = {name: getattr(stance, name) for name in ("com", "zmp", "com_margin", "zmp_margin", "down")}
+    return {"state_time": stance.times, "soles": stance.points[..., :2], **same}

@@ -7,11 +7,14 @@ from scipy.spatial.transform import Rotation
 
 import robot_retarget as rr
 from robot_retarget.actuators.balance_tables import STANDARD_GRAVITY, Balance, Imu, JointGain
-from robot_retarget.actuators.feedback import Feedback, Fusion, Law, read_feedback
+from robot_retarget.actuators.feedback import SWING, Feedback, Fusion, Law, read_feedback
+from robot_retarget.actuators.goals import Goals
 from robot_retarget.actuators.inertial import BodyMotion, Reading, VirtualImu, tilt_of, vertical_in
 from robot_retarget.actuators.map import dump_map, load_map
 from robot_retarget.base.errors import ServoError, TrajectoryError
-from robot_retarget.judge.feedback import gain_matrices, lean_over_feet
+from robot_retarget.judge.feedback import gain_matrices, joints_of_legs, lean_over_feet, planned_air
+from robot_retarget.judge.rollout import plant_of
+from robot_retarget.trajectory import Trajectory
 
 DT = 0.008
 STILL = Reading(np.zeros(3), np.array([0.0, 0.0, STANDARD_GRAVITY]))
@@ -22,7 +25,7 @@ def feedback(**changes: object) -> Feedback:
         "rate": np.full((3, 2), 0.1), "tilt": np.full((3, 2), 1.0), "lower": -np.ones(3), "upper": np.ones(3),
         "reference": np.zeros((50, 4)), "bound": 0.2, "speed": 3.0, "top_speed": 4.0, "lag": 1, "fusion": 1.0,
         "fade": 0.1, "stop": np.array([0.5, 0.5]), "crouch": np.zeros(3),
-        "lean": np.zeros((3, 2)),
+        "lean": np.zeros((3, 2)), "legs": np.zeros((3, 0)), "air": np.zeros((50, 0)),
     }  # fmt: skip
     return Feedback(**values | changes)  # type: ignore[arg-type]
 
@@ -122,6 +125,37 @@ def test_no_lean_changes_no_goal() -> None:
         assert np.allclose(law.step(row, plan, STILL), plan, atol=1e-12)
 
 
+def test_a_leg_whose_foot_is_in_the_air_is_left_as_planned() -> None:
+    """There its ankle would turn the foot, not the trunk."""
+    air = np.zeros((50, 2))
+    air[20:, 1] = 1.0
+    law = Law(feedback(legs=np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]]), air=air, fade=0.01, fusion=0.05), DT)
+    found = np.array([law.step(row, np.zeros(3), leaning(0.05, 0.05)) for row in range(50)])
+    assert np.allclose(found[19], 0.1, atol=1e-3)
+    assert np.allclose(found[49], [0.1, 0.0, 0.1], atol=1e-3)
+
+
+@pytest.mark.parametrize("name", ["op3", "toddler_class"])
+def test_each_leg_has_the_joints_that_carry_its_foot_alone(name: str) -> None:
+    robot = rr.load_robot(name)
+    legs, words = joints_of_legs(robot), ("hip", "knee", "ank")
+    side = [next((k for k, s in enumerate("lr") if joint.startswith(s)), None) for joint in robot.joint_names]
+    expected = [[float(side[k] == foot and any(w in joint for w in words)) for foot in range(2)]
+                for k, joint in enumerate(robot.joint_names)]  # fmt: skip
+    assert legs.tolist() == expected
+
+
+def test_a_foot_is_planned_in_the_air_where_its_sole_is_off_the_ground() -> None:
+    robot = rr.load_robot("op3")
+    leg = robot.qpos_index[[robot.joint_names.index(f"l_{name}") for name in ("hip_pitch", "knee", "ank_pitch")]]
+    qpos = np.tile(robot.standing(), (3, 1))
+    qpos[1:, leg] += [-0.3, 0.6, 0.3]
+    qpos[2, robot.root_address + 2] += 0.05
+    plan = Trajectory(qpos, 1.0, robot.joint_names, robot.name)
+    goals = Goals(qpos[:, robot.qpos_index], 1.0, 0.0, 0.0)
+    assert planned_air(plant_of(robot, "free"), plan, goals).tolist() == [[0, 0], [1, 0], [1, 1]]
+
+
 def test_the_reference_is_that_of_the_row_the_reading_is_from() -> None:
     reference = np.zeros((50, 4))
     reference[10:, 1] = 0.1
@@ -198,6 +232,8 @@ def test_feedback_survives_the_trajectory_file() -> None:
     other = read_feedback(one.arrays())
     assert other is not None and other.lag == one.lag and np.array_equal(other.reference, one.reference)
     arrays = one.arrays()
+    earlier = read_feedback({key: value for key, value in arrays.items() if key not in SWING})
+    assert earlier is not None and not earlier.air.any() and not earlier.legs.any()
     arrays.pop("feedback_tilt")
     with pytest.raises(TrajectoryError, match="no 'feedback_tilt'"):
         read_feedback(arrays)
