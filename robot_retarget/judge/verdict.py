@@ -45,8 +45,8 @@ class Thresholds(Alike):
     fallen_share: float = 0.1
     """Share of the drawn simulations (`worlds.Spread`) that end in a fall, in mode `free`: one of 10."""
     zmp_margin: float = 0.006
-    """A pass whose least margin of the zero moment point is smaller is at the edge [m]: of 45 stepping clips that passed with
-    0–5 mm a third fell on a soft floor with sagging supply, those with 7–9 mm stood."""
+    """A pass whose least margin of the zero moment point is smaller is at the edge [m], as every clip that steps is for 60 ms of a landing;
+    planted clips have 40 mm and more. Measured on 115 runs of 23 clips that step, it does not predict falls, nor do seven other figures."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
