@@ -53,7 +53,7 @@ class BalanceOptions:
     trunk: float = 15.0
     """Factor of π of a trunk's lean: the OP3's leans 5 instead of 8° from the human's in walks, and its legs are as near."""
     upright: float = 20.0
-    """π of the pelvis' orientation in a stand, and of its joints at their standing angles [1/rad²] ..."""
+    """π of the pelvis' orientation in a stand, and of its joints at their standing angles [1/rad²] (half and double change nothing in the sample walk) ..."""
     standing: float = 1.0
     """... from which a lead-in starts and at which a lead-out ends."""
 

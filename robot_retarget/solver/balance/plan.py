@@ -159,7 +159,8 @@ LEAD = 1.5
 LEAD_SPEED = 1.2
 """Peak joint speed on the transition [rad/s]."""
 ARC = 0.1
-"""Least height of a swing foot's arc, over the leg length."""
+"""Least height of a swing foot's arc, over the leg length. Measured at a `SWEEP` of 1.3 in the sample walk at 2.1 times its
+speed: with 0.13 the OP3 falls as with 0.1, with 0.16 it stays up with steps of 0.77 of the human's."""
 
 
 @dataclass(frozen=True)
