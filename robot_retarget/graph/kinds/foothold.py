@@ -52,7 +52,9 @@ class FootholdKind(Kind):
     name: str = "foothold"
     whole = True
     tilting: float = 20.0
-    """π normal to the floor for soles that fewer than six hinges cannot lay flat anywhere, over the leg [-]."""
+    """π normal to the floor for soles that fewer than six hinges cannot lay flat anywhere, over the leg [-]: half and
+    double change the cost of a walk on the H1 by 1 %, its limbs by 0.02° and its jerk from 231 to 220 and 240
+    rad/s³."""
 
     known: bool = False
     """Whether stances are known exactly, as a robot's are; a human's foot still slides in the first frame of its stance, so feet
