@@ -46,7 +46,8 @@ class BalanceOptions:
     """Least bend of a knee: a straight leg has two ways to bend [rad]. Knees of the OP3 rest at 0.33–0.55 of their stall torque in
     long steps with a bend of 0.12."""
     swing: float = 1e3
-    """π of a swing foot on its path, over the squared leg."""
+    """π of a swing foot on its path, over the squared leg. In the sample walk, half turns the trunk 0.3° nearer to the human's, and double makes the
+    soles slip by 4 instead of 1 mm."""
     height: float = 1000.0
     """π of the pelvis' height, over the squared leg: bent knees carry more. With 400 walks of the OP3 take up to 7 % longer, and its legs are
     as near to the human's within 0.3°."""

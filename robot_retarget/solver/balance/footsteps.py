@@ -28,15 +28,16 @@ class StepRule:
     """The definition of a step of the robot; lengths in units of its leg."""
 
     speed: float = 0.6
-    """A sole slower than this [1/s] ..."""
+    """A sole slower than this [1/s] (half: the sample walk on the OP3 takes 1.04 instead of 1.06 times the human's time, doubled 1.15; it falls in
+    none of four drawn worlds) ..."""
     height: float = 0.06
-    """... and lower than this stands, regardless of the human's label."""
+    """... and lower than this stands, regardless of the human's label. Half and double change nothing in the sample walk."""
     flight: float = 0.12
     """A longer time without a foot on the floor, with both feet higher than `lift` in between, is a jump [s]."""
     lift: float = ContactRule.high
     """A foot lifted less ..."""
     travel: float = 0.3
-    """... and with all corners put down nearer to their last stance stays planted."""
+    """... and with all corners put down nearer to their last stance stays planted. Half and double change nothing in the sample walk."""
 
 
 def planted_feet(

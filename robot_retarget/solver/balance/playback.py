@@ -51,7 +51,7 @@ class Pacing:
     """Least distance of the zero moment point from the edge of the support, as a share of the distance from edge to
     middle. Half changes nothing in the sample walk on the OP3; doubled, it takes 1.39 instead of 1.06 times the human's time."""
     friction: float = 0.35
-    """Largest friction coefficient used: fast turns over standing feet make them slide."""
+    """Largest friction coefficient used: fast turns over standing feet make them slide. Half and double change nothing in the sample walk."""
     excess: float = 1e-3
     """The planned centre of mass may leave its polygon by this [m]."""
     swing: float = 0.8
