@@ -25,9 +25,6 @@ COARSE = 4
 UNREACHED = 0.01
 """A hard edge that the solved clip misses by more is out of reach [m]."""
 
-ENOUGH = 0.005
-"""A window is not solved again after a gain of a smaller share of its cost [-]."""
-
 
 def clip_poses(
     solver: FrameSolver,
@@ -46,7 +43,7 @@ def clip_poses(
     asked: list[list[Track]] = []
     windows = tuple(smoothing.windows.cut(len(graph), graph.fps))
     moving = sum(window.last - window.first - window.fixed for window in windows)
-    count.expect(COARSE * len(graph) + smoothing.rounds * smoothing.passes * moving)
+    count.expect(COARSE * len(graph) + smoothing.passes * moving)
     asks = targets_of(coarse_tracks(graph))
     path = coarse_path(solver, graph, asks, search) if start is None else list(start)
     count.advance(COARSE * len(graph))
@@ -63,41 +60,20 @@ def clip_poses(
 def _window_poses(
     solver: FrameSolver, graph: RobotGraph, coarse: Floats, smoothing: Smoothing, fixed: int, count: Count
 ) -> tuple[list[Track], list[FrameSolution]]:
-    """Return the tracks and the poses of a window: the cheapest of some rounds.
+    """Return the tracks and the poses of a window that rounds of passes reach from a path.
 
-    The targets of a round, such as footholds, depend on the poses of the round before. Rounds end when one gains less than
-    `ENOUGH`; a round that costs more than the one before is not taken.
+    Targets that depend on the poses, such as footholds, follow the poses before each round. A foot that misses its foothold in one
+    round is free in the next ones.
     """
-    best = found = _round(solver, graph, coarse, smoothing, fixed, count)
-    least = np.inf
-    for left in range(smoothing.rounds - 1, -1, -1):
-        qpos = np.array([pose.qpos for pose in found[1]])
-        cost = float(
-            sum(each.sum() for each in stresses(solver, replace(graph, tracks=tuple(found[0])), qpos).values())
-        )
-        settled = cost > (1 - ENOUGH) * least
-        if cost < least:
-            best, least = found, cost
-        if not left or settled:
-            count.advance(left * smoothing.passes * (len(graph) - fixed))
-            break
-        found = _round(solver, graph, qpos, smoothing, fixed, count)
-    return best
-
-
-def _round(
-    solver: FrameSolver, graph: RobotGraph, coarse: Floats, smoothing: Smoothing, fixed: int, count: Count
-) -> tuple[list[Track], list[FrameSolution]]:
-    """Return the tracks and the poses that passes from a path reach; hard edges that all passes but one miss are left out."""
-    tracks = renewed_tracks(solver, graph, coarse, fixed)
-    passes = Passes(clip_of(solver, tracks, smoothing, graph.fps, fixed), coarse)
-    passes.take(smoothing.passes - 1, count)
-    unreached = solver.problem.missed(passes.qpos, passes.clip.all_targets) > UNREACHED
-    if unreached.any():
-        again = renewed_tracks(solver, graph, coarse, fixed, unreached)
-        if any((one.priority != other.priority).any() for one, other in zip(tracks, again, strict=True)):
-            tracks = again
-            passes.renew(clip_of(solver, again, smoothing, graph.fps, fixed))
+    path, unreached = coarse, np.zeros(len(coarse), dtype=bool)
+    passes = Passes(clip_of(solver, renewed_tracks(solver, graph, path, fixed), smoothing, graph.fps, fixed), path)
+    for number in range(1, smoothing.rounds + 1):
+        last = number == smoothing.rounds
+        passes.take(smoothing.passes - 1 if last else number * smoothing.passes // smoothing.rounds, count)
+        unreached |= solver.problem.missed(passes.qpos, passes.clip.all_targets) > UNREACHED
+        path = path if last else passes.qpos.copy()
+        tracks = renewed_tracks(solver, graph, path, fixed, unreached)
+        passes.renew(clip_of(solver, tracks, smoothing, graph.fps, fixed))
     return tracks, finished(passes, count)
 
 

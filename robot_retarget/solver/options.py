@@ -177,13 +177,13 @@ class RealTime:
 class Smoothing:
     """Options of a whole clip: the alternating direction method of multipliers between frames and a smooth path."""
 
-    passes: int = 12
-    """Number of steps of every frame in a round."""
-    rounds: int = 3
-    """Maximum number of rounds of passes; each moves the footholds to the path of the round before."""
-    proximal: float = 30.0
-    """ρ, the weight that draws a frame to the smooth path [1/rad²]: half of it takes half the passes, but a far start
-    then overshoots."""
+    passes: int = 20
+    """Number of steps of every frame."""
+    rounds: int = 4
+    """Rounds that share the passes; each moves the footholds to the path of the round before."""
+    proximal: float = 10.0
+    """ρ, the weight that draws a frame to the smooth path, over the stiffness of the frames' own costs in each direction [-]: half
+    of it takes half the passes, but a far start then overshoots."""
     closing: float = 40.0
     """Factor of ρ from the last pass on [-]: frames end near the smooth path."""
     relaxation: float = 1.6

@@ -21,6 +21,11 @@ ROUNDS = 3
 """Rounds in which frames with interpenetrating links are solved again: a frame that clears one link may meet
 another."""
 
+SOFTEST = 1.0
+"""Stiffness that every direction has at least [1/rad², 1/m²]: with 3, twelve passes of seven clips cost 0.4 to 1.3 % more."""
+SOFT = 0.2
+"""Share of the frames that are softer than `stiffness` says [-]: with .5, eight passes of a dance cost 1.9 % more on the G1."""
+
 
 @dataclass(frozen=True, eq=False)
 class ClipProblem:
@@ -107,7 +112,6 @@ class Passes:
         hinges = robot.qpos_index
         self.qpos[:, hinges] = within_speeds(start[:, hinges], clip.bounds.speed[1:] / clip.fps, clip.fixed)
         self.path, self.dual = self.qpos.copy(), np.zeros((len(start), robot.model.nv))
-        self.rho = clip.smoothing.proximal * clip.smooth.inertia
         halves = (np.arange(clip.fixed + k, len(start), 2) for k in (0, 1))
         self.halves = [half for half in halves if half.size]
         self.clip, self.taken = clip, 0
@@ -119,12 +123,13 @@ class Passes:
         ]
         for descent in self.descents:
             descent.tolerance = clip.smoothing.tolerance
+        self.rho = clip.smoothing.proximal * stiffness(np.concatenate([each.base.normal for each in self.descents]))
         self.moving = [np.ones(len(half), dtype=bool) for half in self.halves]
 
     def renew(self, clip: ClipProblem) -> None:
-        """Begin the passes again with other targets, from the present frames, path and multipliers."""
+        """Go on with other targets, from the present frames, path and multipliers."""
         changed = clip.all_targets.differ(self.clip.all_targets)
-        self.clip, self.taken = clip, 0
+        self.clip, self.interpenetrating = clip, None
         for half, descent in zip(self.halves, self.descents, strict=True):
             descent.targets = clip.all_targets.at(half)
             clip.solver.renew(descent, np.flatnonzero(changed[half]))
@@ -191,6 +196,16 @@ class Passes:
             for t, pose in zip(half.tolist(), self.clip.solver.ended(descent), strict=True):
                 poses[t] = pose
         return poses
+
+
+def stiffness(normal: Floats) -> Floats:
+    """Return (nv,) the stiffness of a frame's costs in each direction while all others give way: `SOFT` of the frames are softer.
+
+    Args:
+        normal: (N, nv, nv) curvatures of the frames.
+    """
+    inverse = np.linalg.inv(normal + SOFTEST * np.eye(normal.shape[-1]))
+    return np.quantile(1 / np.diagonal(inverse, axis1=1, axis2=2), SOFT, axis=0)
 
 
 def _qpos(poses: Sequence[FrameSolution]) -> Floats:

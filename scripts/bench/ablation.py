@@ -46,7 +46,7 @@ MECHANISMS: dict[str, Variant] = {
     "no drawn starts": Variant(search=Search(starts=0)),
     "no looks between frames": Variant(smoothing=Smoothing(collision_check=-1)),
     "links measured at every step": Variant(options=SolveOptions(distance_cache_radius=0.0)),
-    "half the passes": Variant(smoothing=Smoothing(passes=3)),
+    "half the passes": Variant(smoothing=Smoothing(passes=10)),
 }
 """Ablation of the solver: the figures without each of its mechanisms."""
 VARIANTS = KINDS | MECHANISMS
