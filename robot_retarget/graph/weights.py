@@ -85,7 +85,7 @@ class Weights:
     smooth_root: float = 288.0
     """Factor for the place of the root: legs absorb what would accelerate the whole body [rad²/m²] (; 3.69, 3.69; 239,
     254) ..."""
-    smooth_turn: float = 60.0
+    smooth_turn: float = 45.0
     """... and for its rotation [-]: double adds .05° to the limb errors of fifteen clips on the G1 and the OP3."""
     inertia: float = 0.5
     """Inertia of hinges in streams, as a share of that of `RealTime.frequency` [-] (in streams of the two 10.0 and 11.0, and
