@@ -185,8 +185,9 @@ IN_TURN = 3
 such."""
 ROUNDS = 1.5
 """Expected number of rounds of planting, including the first."""
-PLAYED = Smoothing(passes=12)
-"""The passes over a playback, which starts near its targets and keeps its footholds."""
+PLAYED = Smoothing(passes=12, proximal=30.0, adapts=False)
+"""The passes over a playback, which starts near its targets and keeps its footholds: with ρ over the stiffness of the frames a foot
+slides 18 mm on a step in simulation."""
 
 
 @dataclass(frozen=True, eq=False)
