@@ -30,7 +30,7 @@ from robot_retarget.judge.figures import (
 )
 from robot_retarget.judge.plant import Mode, Plant
 from robot_retarget.judge.playback import Rollout
-from robot_retarget.judge.stance import contact_figures, stance_figures, stance_of
+from robot_retarget.judge.stance import ankle_figures, contact_figures, stance_figures, stance_of
 from robot_retarget.judge.verdict import Badge, Thresholds, at_edge, badge_of, cures, judge, near_limits
 from robot_retarget.robot.contacts import Contacts
 from robot_retarget.robot.dynamics import Stance, planned_stance
@@ -251,6 +251,7 @@ def build_report(
         **rollout_figures(rollout, robot, until),
         **contact_figures(plant.bodies, rollout, robot, trajectory, until),
         **fall,
+        **(ankle_figures(plant, trajectory.qpos[0]) if until is not None and plant.policy is None else {}),
         **feedback_figures(rollout.added, rollout.stopped, rollout.times, robot.joint_names, until),
         **(stance_figures(stance, until) if free else {}),
         **_foreseen(played, until),

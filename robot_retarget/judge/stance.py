@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
-from robot_retarget.base.arrays import Bools, Floats, intervals
+from robot_retarget.base.arrays import Bools, Floats, intervals, unit
 from robot_retarget.contact.touch import BRIEF
 from robot_retarget.judge.bodies import SimulatedBodies
 from robot_retarget.judge.plant import Plant
@@ -20,12 +20,14 @@ from robot_retarget.robot.body_distances import RobotAmongBodies
 from robot_retarget.robot.contacts import Contacts
 from robot_retarget.robot.dynamics import DOWN, Stance, contact_planes, margins
 from robot_retarget.robot.geoms import solid_geoms
-from robot_retarget.robot.kinematics import world_points
+from robot_retarget.robot.kinematics import carrying, world_points
 from robot_retarget.robot.model import Robot
-from robot_retarget.robot.support import Feet, Planes, feet_of
+from robot_retarget.robot.support import CORNERS, Feet, Planes, feet_of
 from robot_retarget.scores.subject import OVERLAP
 from robot_retarget.trajectory import Trajectory
 
+LATERAL = 0.5**0.5
+"""Cosine between the axis of a hinge that pitches the foot and the direction across it: 45°, halfway to a roll [-]."""
 LIGHT = 0.05
 """The zero moment point is undefined while the ground carries less than this share of the weight [-]."""
 
@@ -50,6 +52,35 @@ def stance_of(plant: Plant, rollout: Rollout) -> Stance | None:
     com = rollout.com[:, :2]
     margin = margins(np.stack([com, zmp]), spots[..., :2], spanned)
     return Stance(feet, rollout.times, touching, points, down, com, zmp, margin[0], margin[1])
+
+
+def ankle_figures(plant: Plant, qpos: Floats) -> dict[str, float]:
+    """Return the stiffness of both ankles in pitch, Σ k, and that with which gravity tips the robot over them, m g h [N m/rad].
+
+    A robot whose ankles are softer than gravity falls without feedback, however well its goals are balanced.
+
+    Args:
+        plant: the servos.
+        qpos: (nq,) a pose in which it stands.
+    """
+    robot, model, feet = plant.robot, plant.model, feet_of(plant.robot)
+    data = mujoco.MjData(robot.model)
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(robot.model, data)
+    mujoco.mj_comPos(robot.model, data)
+    corners = world_points(robot, feet.corners, qpos[None])[0].reshape(-1, CORNERS, 3)
+    ankles, moves = [], carrying(robot.model)
+    for bodies, (front_left, front_right, _, _) in zip(feet.bodies, corners, strict=True):
+        across = np.abs(data.xaxis[robot.joint_ids] @ unit(front_left - front_right)) > LATERAL
+        above = moves[min(bodies), robot.dof_index]
+        ankles += np.flatnonzero(across & above & (plant.servos >= 0)).tolist()[-1:]
+    if len(ankles) < 2:
+        return {}
+    servos, joints = plant.servos[ankles], robot.joint_ids[ankles]
+    stiffness = -(model.actuator_gear[servos, 0] ** 2 @ model.actuator_biasprm[servos, 1])
+    height = data.subtree_com[robot.root_body, 2] - data.xanchor[joints, 2].mean()
+    gravity = robot.model.body_mass.sum() * robot.gravity * height
+    return {"ankle_stiffness_Nm_rad": round(float(stiffness), 2), "tipping_stiffness_Nm_rad": round(float(gravity), 2)}
 
 
 def _carrying(plant: Plant, rollout: Rollout, feet: Feet) -> list[Contacts]:

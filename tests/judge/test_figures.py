@@ -140,6 +140,7 @@ def test_energy_is_work_and_heat_for_a_motor_that_lifts():
 def test_a_lean_of_30_degrees_without_balance_falls():
     report = simulate(lean(OP3, 30), OP3, mode="free", draws=0)
     assert report.verdict == "fail" and report.reasons[0].startswith("fell: ")
+    assert not any("too soft" in reason for reason in report.reasons)
     assert report.figures["fall_s"] > 0 and report.figures["com_margin_m"] < 0
 
 
@@ -162,6 +163,30 @@ def test_a_model_whose_root_has_its_frame_on_the_floor_has_not_fallen():
     assert fall_figures(*lower)["fall_s"] is None
     sunk = np.where(rollout.times > 0.3, 0.7 * height, 0.0)[:, None] * np.eye(len(down))[2]
     assert fall_figures(replace(lower[0], qpos=lower[0].qpos - sunk), *lower[1:])["fall_s"] > 0.3
+
+
+def test_ankles_softer_than_gravity_are_named_where_the_robot_falls(tmp_path):
+    """Potential energy of the standing robot by MuJoCo, turned as a whole about its ankles: −d²E/dφ² is m g h."""
+    spec = mujoco.MjSpec.from_file(str(ROOT / "models/g1_class/g1_class.xml"))
+    for actuator in spec.actuators:
+        if "ankle_pitch" in actuator.name:
+            actuator.gainprm[0], actuator.biasprm[1] = 20.0, -20.0
+    robot = robot_of(spec.to_xml(), tmp_path / "soft.xml")
+    report = simulate(hold(robot, 3.0), robot, mode="free", draws=0)
+    model, data = robot.model, mujoco.MjData(robot.model)
+    energies, place = [], robot.standing()
+    for turn in (-1e-3, 0.0, 1e-3):
+        data.qpos[:] = place
+        mujoco.mj_kinematics(model, data)
+        ankle = data.xanchor[model.joint("left_ankle_pitch_joint").id].copy()
+        tipped = Rotation.from_rotvec([0.0, turn, 0.0])
+        data.qpos[:3] = ankle + tipped.apply(place[:3] - ankle)
+        data.qpos[3:7] = (tipped * Rotation.from_quat(place[[4, 5, 6, 3]])).as_quat()[[3, 0, 1, 2]]
+        mujoco.mj_kinematics(model, data)
+        energies.append(-model.opt.gravity[2] * model.body_mass @ data.xipos[:, 2])
+    assert report.figures["fall_s"] > 0 and report.figures["ankle_stiffness_Nm_rad"] == 40.0
+    assert report.figures["tipping_stiffness_Nm_rad"] == pytest.approx(-np.diff(energies, 2)[0] / 1e-6, rel=1e-3)
+    assert any("its ankles are too soft to stand on: 40 N m/rad" in reason for reason in report.reasons)
 
 
 def test_a_kick_at_full_speed_falls_and_says_when():
