@@ -77,10 +77,10 @@ def ankle_figures(plant: Plant, qpos: Floats) -> dict[str, float]:
     if len(ankles) < 2:
         return {}
     servos, joints = plant.servos[ankles], robot.joint_ids[ankles]
-    stiffness = -(model.actuator_gear[servos, 0] ** 2 @ model.actuator_biasprm[servos, 1])
-    height = data.subtree_com[robot.root_body, 2] - data.xanchor[joints, 2].mean()
-    gravity = robot.model.body_mass.sum() * robot.gravity * height
-    return {"ankle_stiffness_Nm_rad": round(float(stiffness), 2), "tipping_stiffness_Nm_rad": round(float(gravity), 2)}
+    stiffness = float(-(model.actuator_gear[servos, 0] ** 2 @ model.actuator_biasprm[servos, 1]))
+    height = float(data.subtree_com[robot.root_body, 2] - data.xanchor[joints, 2].mean())
+    gravity = float(robot.model.body_mass.sum()) * robot.gravity * height
+    return {"ankle_stiffness_Nm_rad": round(stiffness, 2), "tipping_stiffness_Nm_rad": round(gravity, 2)}
 
 
 def _carrying(plant: Plant, rollout: Rollout, feet: Feet) -> list[Contacts]:

@@ -247,14 +247,10 @@ def _upright(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
         body = figures["fall_body"]
         fell = f"fell: {f'{body} touched the floor' if body else 'sank to half its height'} {when}"
         reasons.append((fell, CURES["fallen_share"]))
-        soft, gravity = figures.get("ankle_stiffness_Nm_rad", 0.0), figures.get("tipping_stiffness_Nm_rad", 0.0)
-        if soft < gravity:
-            reasons.append(
-                (
-                    f"its ankles are too soft to stand on: {soft:g} N m/rad, and gravity tips it over with {gravity:g} N m/rad",
-                    "stiffer position gains of the model, or a servo map with `[imu]` and `[balance]`",
-                )
-            )
+        stiffness, gravity = figures.get("ankle_stiffness_Nm_rad", 0.0), figures.get("tipping_stiffness_Nm_rad", 0.0)
+        if stiffness < gravity:
+            soft = f"its ankles are too soft to stand on: {stiffness:g} N m/rad, and gravity tips it over with {gravity:g} N m/rad"
+            reasons.append((soft, "stiffer position gains of the model, or a servo map with `[imu]` and `[balance]`"))
     return reasons
 
 
