@@ -12,7 +12,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from robot_retarget.base.arrays import Floats, unit
+from robot_retarget.base.arrays import Floats, intervals, smoothstep, unit
 from robot_retarget.graph.footholds import (
     CausalFootholds,
     Footholds,
@@ -165,7 +165,7 @@ class FootholdKind(Kind):
         if self.frees and phase.unreached is not None:
             away = np.linalg.norm((corners - places)[..., :2], axis=-1).mean(axis=2)
             held = without_unreachable(planned, away, phase.unreached, fixed)
-            places = _places(held, corners, fixed, planes, headings)
+            places = _standing(planned & ~held, held, places, _places(held, corners, fixed, planes, headings))
         if self.pivots:
             places[fixed:] = _lifted(places, plan, planned)[fixed:]
         if self.known and np.median(np.abs(corners - plan).max(axis=3)[planned]) < self.met:
@@ -234,6 +234,29 @@ def _places(
         for k, (plane, heading) in enumerate(zip(planes, headings, strict=True))
     ]
     return np.stack(places, axis=1)
+
+
+def _standing(freed: np.ndarray, held: np.ndarray, stances: Floats, places: Floats) -> Floats:
+    """Return places (T, F, 4, 3) in which feet that are freed step from their place before to the one after, and stand otherwise.
+
+    Args:
+        freed: (T, F, 4) which corners stand no more.
+        held: (T, F, 4) which corners stand.
+        stances: (T, F, 4, 3) places before feet were freed [m].
+        places: (T, F, 4, 3) places of those that are held [m].
+    """
+    places = places.copy()
+    for k in range(places.shape[1]):
+        for start, stop in intervals(np.asarray(freed[:, k].any(axis=1))):
+            before, after = start - 1, stop if stop < len(places) else -1
+            first, last = (t >= 0 and bool(held[t, k].any()) for t in (before, after))
+            if not (first or last):
+                places[start:stop, k] = stances[start:stop, k]
+                continue
+            way = smoothstep(np.arange(1, stop - start + 1) / (stop - start + 1))[:, None, None]
+            ends = [places[t, k] for t, stands in ((before, first), (after, last)) if stands]
+            places[start:stop, k] = ends[0] + way * (ends[-1] - ends[0])
+    return places
 
 
 def _lifted(places: Floats, plan: Floats, held: np.ndarray) -> Floats:
