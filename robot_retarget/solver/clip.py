@@ -66,7 +66,8 @@ def _window_poses(
     round is free in the next ones.
     """
     path, unreached = coarse, np.zeros(len(coarse), dtype=bool)
-    passes = Passes(clip_of(solver, renewed_tracks(solver, graph, path, fixed), smoothing, graph.fps, fixed), path)
+    tracks = renewed_tracks(solver, graph, path, fixed)
+    passes = Passes(clip_of(solver, tracks, smoothing, graph.fps, fixed), path)
     for number in range(1, smoothing.rounds + 1):
         last = number == smoothing.rounds
         passes.take(smoothing.passes - 1 if last else number * smoothing.passes // smoothing.rounds, count)
