@@ -184,8 +184,6 @@ class Smoothing:
     proximal: float = 10.0
     """ρ, the weight that draws a frame to the smooth path, over the stiffness of the frames' own costs in each direction [-]: half
     of it takes half the passes, but a far start then overshoots."""
-    adapts: bool = True
-    """Whether ρ is over that stiffness; else it is over the inertia of a direction [1/rad²]."""
     closing: float = 40.0
     """Factor of ρ from the last pass on [-]: frames end near the smooth path."""
     relaxation: float = 1.6

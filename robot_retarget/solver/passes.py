@@ -123,8 +123,7 @@ class Passes:
         ]
         for descent in self.descents:
             descent.tolerance = clip.smoothing.tolerance
-        normal = np.concatenate([each.base.normal for each in self.descents])
-        self.rho = clip.smoothing.proximal * (stiffness(normal) if clip.smoothing.adapts else clip.smooth.inertia)
+        self.rho = clip.smoothing.proximal * stiffness(np.concatenate([each.base.normal for each in self.descents]))
         self.moving = [np.ones(len(half), dtype=bool) for half in self.halves]
 
     def renew(self, clip: ClipProblem) -> None:

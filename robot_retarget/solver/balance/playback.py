@@ -185,9 +185,6 @@ IN_TURN = 3
 such."""
 ROUNDS = 1.5
 """Expected number of rounds of planting, including the first."""
-PLAYED = Smoothing(passes=12, proximal=30.0, adapts=False)
-"""The passes over a playback, which starts near its targets and keeps its footholds: with ρ over the stiffness of the frames a foot
-slides 18 mm on a step in simulation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,7 +234,7 @@ class Balanced:
 
 def expected_steps(graph: RobotGraph) -> int:
     """Estimate the progress steps of `in_balance`: the playback takes about twice as long as the clip."""
-    return round(2 * ROUNDS * len(graph) * (IN_TURN + PLAYED.passes))
+    return round(2 * ROUNDS * len(graph) * (IN_TURN + Smoothing().passes))
 
 
 def paced(ik: BalancedIk, clip: PlaybackClip, how: Steadiness, count: Count, slowest: float) -> Balanced:
@@ -332,8 +329,8 @@ def played(ik: BalancedIk, clip: PlaybackClip, plan: PlaybackPlan, count: Count,
     timeline, robot = plan.timeline, ik.robot
     playback = ik.playback(timeline.share[:, None], plan.places, timeline.planted)
     tracks = ik.targets(clip.graph, timeline.at, plan.stands, playback, plan.zmp.centre)
-    solver_clip = clip_of(ik.solver, tracks, PLAYED, clip.fps)
-    count.expect(round(ROUNDS * len(plan.targets) * ((0 if near else IN_TURN) + PLAYED.passes)))
+    solver_clip = clip_of(ik.solver, tracks, Smoothing(), clip.fps)
+    count.expect(round(ROUNDS * len(plan.targets) * ((0 if near else IN_TURN) + Smoothing().passes)))
     start = list(plan.targets) if near else _sequential_starts(ik, plan, solver_clip, count)
     poses = clip_passes(solver_clip, np.array(start), count)
     qpos = np.array([pose.qpos for pose in poses])
