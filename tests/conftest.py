@@ -5,9 +5,12 @@ loaded once per process: nothing changes a robot.
 """
 
 import os
+import sys
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+import pytest
 from hypothesis import settings
 
 from robot_retarget import robot as robots
@@ -27,3 +30,11 @@ def load_robot(name: str | Path, limits: str | Path | None = None, servos: str |
 
 
 catalog.load_robot = robots.load_robot = load_robot
+
+
+@pytest.fixture(autouse=True)
+def loud() -> Iterator[None]:
+    """A command that ran quietly in this process leaves the next test its output."""
+    yield
+    if (console := sys.modules.get("robot_retarget.tools.cli.console")) is not None:
+        console.set_quiet(False)

@@ -25,7 +25,7 @@ def random_motion(seed: int, joints: int, frames: int, moving: bool) -> Motion:
     translations = np.tile(offsets, (frames, 1, 1))
     translations[:, parents < 0] = rng.normal(0, 2, (frames, int((parents < 0).sum()), 3))
     if moving:
-        translations[:, joints - 1] += rng.normal(0, 0.05, (frames, 3))
+        translations[:, joints - 1] += np.linalg.norm(offsets[-1]) * rng.normal(0, 0.1, (frames, 3))
     turns = rng.normal(size=(frames, joints, 4))
     turns /= np.linalg.norm(turns, axis=2, keepdims=True)
     positions, rotations = forward(parents, translations, turns)

@@ -58,7 +58,7 @@ def test_a_joint_keeps_the_narrowest_of_its_own_range_and_all_its_bounds(case: C
     graph, problem = case
     draw, robot = np.random.default_rng(seed), graph.robot
     middle, half = draw.normal(size=(2, len(targets(graph, 7))))
-    asked = Targets(middle - np.abs(half), middle + np.abs(half), np.ones_like(half))
+    asked = Targets(middle - np.abs(half), middle + np.abs(half), np.ones_like(half), np.zeros(0))
     lower, upper, speed = robot.lower.copy(), robot.upper.copy(), np.full(len(robot.lower), UNBOUNDED)
     edges = ((track, end) for track in ordered(graph.tracks) for end, _ in track.ends)
     for (track, end), low, high in zip(edges, asked.lower, asked.upper, strict=True):
@@ -78,7 +78,7 @@ def test_the_target_of_a_second_difference_is_the_mean_of_those_of_its_edges_by_
     graph, problem = case
     draw, at, robot = np.random.default_rng(0), 0, graph.robot
     lower = draw.normal(size=len(targets(graph, 7)))
-    asked = Targets(lower, lower, draw.uniform(1, 9, len(lower)))
+    asked = Targets(lower, lower, draw.uniform(1, 9, len(lower)), np.zeros(0))
     pull, weight = np.zeros(robot.model.nv), np.zeros(robot.model.nv)
     for track in ordered(graph.tracks):
         if track.stencil == SECOND_DIFFERENCE and track.role is Role.COST:
