@@ -42,7 +42,8 @@ from robot_retarget.solver.solution import Solution
 from robot_retarget.solver.solve import solution_of
 
 SWAY = 0.5
-"""The body follows the shift of its footholds smoothly, over this time [s]."""
+"""The body follows the shift of its footholds smoothly, over this time [s]. Half and double change nothing in the
+sample walk on the OP3."""
 
 FLAT = 0.25
 """`StepRule.speed` for a performer with flat soles, a robot: its labels are exact, and slow beginnings and ends of a swing give

@@ -36,12 +36,14 @@ class BalanceOptions:
     """Options of a planted robot; lengths are shares of a leg."""
 
     margin: float = 0.035
-    """Distance between links: arms that lag meet knees in a walk with less, thighs meet the trunk in a squat with more."""
+    """Distance between links: arms that lag meet knees in a walk with less, thighs meet the trunk in a squat with more. Half
+    changes the limbs of the sample walk on the OP3 by 0.05°; with double its steps are 0.77 as long."""
     arms: float = 0.06
     """Distance of arms from legs that step: with 0.035 forearms of the OP3 pass thighs and knees within a millimetre between two frames and
     catch on them, 9 of 10 simulations of `02_01` and `walk_01` in soft worlds fall; with 0.06 none does."""
     speed: float = 0.8
-    """Usable share of the joints' speeds: servos under load are slower."""
+    """Usable share of the joints' speeds: servos under load are slower. With half the sample walk takes 1.69 instead of 1.03
+    times the human's time."""
     bent: float = 0.03
     """Least bend of a knee: a straight leg has two ways to bend [rad]. Knees of the OP3 rest at 0.33–0.55 of their stall torque in
     long steps with a bend of 0.12."""

@@ -34,15 +34,17 @@ class Steadiness:
     """Options of the plan of the centre of mass."""
 
     keep: float = 0.55
-    """Usable share of the support polygon, shrunk towards its middle."""
+    """Usable share of the support polygon, shrunk towards its middle. In dynamic balance of the sample walk on the OP3 its limbs are 0.3° further from
+    the human's with 0.3; with 0.8 only static balance is left."""
     static: bool = True
     """Whether the centre of mass itself stays inside, not only the zero moment point."""
     jerk: float = 1e-4
-    """Weight of the squared third derivative [s⁶]."""
+    """Weight of the squared third derivative [s⁶]. Half and double change the legs of the sample walk by -0.3 and 0.1°, and those of
+    dynamic balance by -0.1 and 0.2°."""
     middle: float = 0.0
     """Weight of the zero moment point's distance from the middle of the support."""
     penalty: float = 1e5
-    """Weight of the squared excess over the polygon."""
+    """Weight of the squared excess over the polygon. Half and double change the legs of the sample walk by less than 0.01°."""
 
 
 STATIC = Steadiness()
@@ -155,9 +157,10 @@ def _third(count: int) -> Any:
 
 
 LEAD = 1.5
-"""Least time from the stand to the clip's first pose, and from its last pose back [s]."""
+"""Least time from the stand to the clip's first pose, and from its last pose back [s]. Half and double change the legs of the sample walk by
+0.03°."""
 LEAD_SPEED = 1.2
-"""Peak joint speed on the transition [rad/s]."""
+"""Peak joint speed on the transition [rad/s]. Half and double change the limbs of the sample walk by less than 0.01°."""
 ARC = 0.1
 """Least height of a swing foot's arc, over the leg length. Measured at a `SWEEP` of 1.3 in the sample walk at 2.1 times its
 speed: with 0.13 the OP3 falls as with 0.1, with 0.16 it stays up with steps of 0.77 of the human's."""

@@ -34,7 +34,7 @@ from robot_retarget.trajectory import Trajectory
 
 SPARE = 0.3
 """Least usable share of a joint's torque: a joint that holds still with more than the rest gains nothing from slowing
-down."""
+down. Half and double change nothing in the sample walk."""
 
 
 @dataclass(frozen=True)
@@ -42,24 +42,27 @@ class Pacing:
     """The conditions and the amount of slowing down."""
 
     slowest: float = 4.0
-    """Largest slowdown, averaged over the whole clip."""
+    """Largest slowdown, averaged over the whole clip. Half and double change nothing in the sample walk on the OP3."""
     speed: float = 0.85
-    """Usable share of a joint's largest speed."""
+    """Usable share of a joint's largest speed. With half the sample walk takes 2.4 instead of 1.03 times the human's time."""
     torque: float = 0.9
-    """Usable share of the torque on the torque–speed line."""
+    """Usable share of the torque on the torque–speed line. With half the sample walk takes 1.9 instead of 1.03 times the human's time."""
     edge: float = 0.3
     """Least distance of the zero moment point from the edge of the support, as a share of the distance from edge to
     middle. Half changes nothing in the sample walk on the OP3; doubled, it takes 1.39 instead of 1.06 times the human's time."""
     friction: float = 0.35
     """Largest friction coefficient used: fast turns over standing feet make them slide. Half and double change nothing in the sample walk."""
     excess: float = 1e-3
-    """The planned centre of mass may leave its polygon by this [m]."""
+    """The planned centre of mass may leave its polygon by this [m]. Half and double change nothing in the sample walk."""
     swing: float = 0.8
-    """Least duration of a swing in static balance [s]: a leg that swings forward pushes the body back."""
+    """Least duration of a swing in static balance [s]: a leg that swings forward pushes the body back. With half and double
+    the sample walk takes 1.2 and 2.4 instead of 1.5 times the human's time."""
     transfer: float = 0.2
-    """Least duration of a shift of weight, with all feet on the floor [s]: on a foot that lands a little tilted, the body sways."""
+    """Least duration of a shift of weight, with all feet on the floor [s]: on a foot that lands a little tilted, the body sways.
+    With half and double the sample walk takes 1.5 and 1.8 times the human's time, and its legs are 12.5 and 9.6° from the human's."""
     shift: float = 1.25
-    """Factor per round on frames with all feet on the floor, near a shift of weight that comes too late."""
+    """Factor per round on frames with all feet on the floor, near a shift of weight that comes too late. Half and double of it, of
+    `near`, `most`, `blend`, `shifts` and `rounds` change nothing in the sample walk, in static and in dynamic balance."""
     near: float = 0.5
     """Largest time distance from that shift, in time of the playback [s]."""
     slack: float = 1.2
