@@ -41,7 +41,7 @@ class Servo:
     upper: float = field(default=pi, metadata=within(-4 * pi, 4 * pi, "rad"))
     """[rad]."""
     p_gain: int = field(default=0, metadata=within(0, 16383))
-    """Register `position_p_gain`, written before torque is switched on; 0 leaves it, and stands for the factory's."""
+    """Register `position_p_gain`, written before torque is switched on; 0 keeps the factory's."""
 
     def __post_init__(self) -> None:
         require_bounds(self, f"{self.joint}: ")

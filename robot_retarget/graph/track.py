@@ -152,7 +152,7 @@ class Track:
     huber_delta: float = np.inf
     """g, the Huber scale: errors well above it count linearly [-]."""
     data: Floats = field(default_factory=lambda: np.zeros((1, 0)))
-    """(T, D) what the rows of the kind read besides the targets: poses of bodies, normals of surfaces."""
+    """(T, D) inputs of the kind's rows that are no targets: poses of bodies, normals of surfaces."""
 
     def __post_init__(self) -> None:
         frames, edges = np.shape(self.lower)

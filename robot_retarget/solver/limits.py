@@ -19,7 +19,7 @@ class Targets:
     upper: Floats
     priority: Floats
     data: Floats
-    """(…, D) what kinds read besides."""
+    """(…, D) `Track.data` of all tracks."""
 
     def __len__(self) -> int:
         return len(self.lower)

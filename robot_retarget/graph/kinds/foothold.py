@@ -232,13 +232,13 @@ def _places(
 
 
 def _standing(freed: np.ndarray, held: np.ndarray, stances: Floats, places: Floats) -> Floats:
-    """Return places (T, F, 4, 3) in which feet that are freed step from their place before to the one after, and stand otherwise.
+    """Return places (T, F, 4, 3) in which freed feet step from their last place to their next one; a foot without either keeps its stance.
 
     Args:
-        freed: (T, F, 4) which corners stand no more.
-        held: (T, F, 4) which corners stand.
-        stances: (T, F, 4, 3) places before feet were freed [m].
-        places: (T, F, 4, 3) places of those that are held [m].
+        freed: (T, F, 4) corners that are freed.
+        held: (T, F, 4) corners that stand.
+        stances: (T, F, 4, 3) places with no foot freed [m].
+        places: (T, F, 4, 3) places with the freed feet in swing [m].
     """
     places = places.copy()
     for k in range(places.shape[1]):
