@@ -25,7 +25,6 @@ from robot_retarget.robot.source import (
     omission_notes,
     read_spec,
     require_finite,
-    urdf_notes,
     urdf_speeds,
 )
 from robot_retarget.robot.timing import require_same_robot
@@ -174,11 +173,8 @@ def _loaded(path: Path, tables: Limits, notes: tuple[str, ...] = (), freed: Quat
         speeds = urdf_speeds(path) if is_urdf(path) else {}
     except ValueError as error:
         raise RobotError(f"{path}: MuJoCo does not load it: {one_line(str(error))}") from error
-    notes = (*omission_notes(path), *notes)
-    if is_urdf(path):
-        notes = (*urdf_notes(path), *notes)
-        tables = {**tables, "speed": {**speeds, **tables.get("speed", {})}}
-    return robot_from_model(model, path, path.stem, tables, notes, freed)
+    tables = {**tables, "speed": {**speeds, **tables.get("speed", {})}}
+    return robot_from_model(model, path, path.stem, tables, (*omission_notes(path), *notes), freed)
 
 
 def _stood(robot: Robot, tables: Limits) -> Robot:
@@ -192,13 +188,8 @@ def _stood(robot: Robot, tables: Limits) -> Robot:
     if robot.floating and _legged(robot):
         return robot
     for turn in UPRIGHT[1:] if robot.floating else UPRIGHT:
-        note = (
-            LYING
-            if robot.floating
-            else NO_ROOT
-            if turn == UPRIGHT[0]
-            else f"{NO_ROOT}, and stood up from where it lies"
-        )
+        lay = "" if turn == UPRIGHT[0] else ", and stood up from where it lies"
+        note = LYING if robot.floating else NO_ROOT + lay
         upright = _loaded(robot.path, tables, (note,), turn)
         found = _legged(upright)
         if found and (turn == UPRIGHT[0] or _has_named_arms(upright, found)):
@@ -263,10 +254,8 @@ def _find(name: str | Path) -> Path:
 
 
 def _beside(path: Path) -> Path | None:
-    for candidate in (path.with_name(f"{path.stem}.limits.toml"), path.with_name("limits.toml")):
-        if candidate.is_file():
-            return candidate
-    return None
+    candidates = path.with_name(f"{path.stem}.limits.toml"), path.with_name("limits.toml")
+    return next((candidate for candidate in candidates if candidate.is_file()), None)
 
 
 # A trajectory with its robot, in the forms that the public functions accept.

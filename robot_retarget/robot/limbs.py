@@ -99,7 +99,7 @@ def mirrored_pairs(links: Links) -> list[MirroredLimbs]:
         path_a, path_b = links.path(a), links.path(b)
         shared = sum(x == y for x, y in zip(path_a, path_b, strict=False))
         pair = _mirrored(links, path_a[shared - 1], (path_a[shared:], path_b[shared:]))
-        if pair is not None and not any(words(links.words(limb)) & GRASP_WORDS for limb in pair.limbs):
+        if pair is not None and not any(grasps(links, limb) for limb in pair.limbs):
             pairs.append(pair)
     return pairs
 
@@ -300,7 +300,7 @@ def arm_centres(links: Links, chain: Chain) -> dict[str, Centre]:
 
 def _elbow_axis(links: Links, chain: Chain) -> tuple[Axis | None, str, float]:
     """The hinge that bends the arm: by name, else the crosswise one nearest to the middle of the arm; not that of a gripper."""
-    later = [a for a in chain.axes[1:] if not words(links.words(a.link)) & GRASP_WORDS] or list(chain.axes[1:])
+    later = [a for a in chain.axes[1:] if not grasps(links, a.link)] or list(chain.axes[1:])
     if not later:
         return None, "", 0.0
     limb = (chain.end - chain.start) / max(chain.reach, 1e-9)
@@ -343,7 +343,7 @@ def _to_the_palm(links: Links, chain: Chain, elbow: int) -> Chain:
     first = chain.links.index(elbow) + 1
     for count, link in enumerate(chain.links[first:], first):
         palm = chain.links[count - 1]
-        if len(links.children[palm]) > 2 or words(links.words(link)) & GRASP_WORDS:
+        if len(links.children[palm]) > 2 or grasps(links, link):
             own = chain.links[:count]
             return Chain(own, tuple(axis for axis in chain.axes if axis.link in own), box_middle(links.extent(palm)))
     return chain
@@ -379,6 +379,11 @@ def is_named(links: Links, axis: Axis, vocabulary: set[str]) -> bool:
     return bool(words(links.model.joint(axis.joint).name) & vocabulary) or bool(
         words(links.model.body(axis.link).name) & vocabulary and len(links.axes[axis.link]) == 1
     )
+
+
+def grasps(links: Links, link: int) -> bool:
+    """Whether a link is a finger or part of a gripper, by its own name; a forearm may carry one."""
+    return bool(words(links.words(link, fixed=False)) & GRASP_WORDS)
 
 
 def words(name: str) -> set[str]:

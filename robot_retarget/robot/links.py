@@ -228,11 +228,12 @@ class Links:
         """
         return self.data.xpos[body] + self.data.xmat[body].reshape(3, 3) @ offset
 
-    def words(self, link: int) -> str:
-        """The names of a link's bodies and joints, for a human eye or a search."""
+    def words(self, link: int, fixed: bool = True) -> str:
+        """The names of a link's joints and of its body, or of all bodies `fixed` to it, for a human eye or a search."""
         model = self.model
         joints = range(model.body_jntadr[link], model.body_jntadr[link] + model.body_jntnum[link])
-        return " ".join([model.body(b).name for b in self.bodies(link)] + [model.joint(j).name for j in joints])
+        bodies = self.bodies(link) if fixed else [link]
+        return " ".join([model.body(b).name for b in bodies] + [model.joint(j).name for j in joints])
 
 
 def local_points(model: mujoco.MjModel, geom: int) -> Floats:

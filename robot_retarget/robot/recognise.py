@@ -26,12 +26,12 @@ from robot_retarget.robot.anatomy import (
 from robot_retarget.robot.facing import Facing, facing, hand_axes
 from robot_retarget.robot.limbs import (
     ARM_WORDS,
-    GRASP_WORDS,
     SAME,
     MirroredLimbs,
     arm_centres,
     box_middle,
     foot_links,
+    grasps,
     leg_centres,
     mirrored_pairs,
     toe_centre,
@@ -50,6 +50,7 @@ clips it is 0.34 to 0.45 (quartiles); half and double move the necks of three of
 CHEST = 0.15
 """Place of the chest, as a share of the way from the shoulders to the pelvis [-]. In the skeletons of 30 clips it is
 0.17 to 0.37 (quartiles); half and double move the chests of the OP3 by 1 and 2 cm."""
+BARE = "the feet have no shapes in the file: each sole is the point of its ankle, and no foot has a toe"
 KEPT = 4
 """Number of cached anatomies: recognition takes half a second and several stages need it."""
 
@@ -171,18 +172,19 @@ def assemble(poses: tuple[Links, Links], sites: dict[str, KeypointSite], sides: 
 
     Args:
         poses: the links in the reference pose, and with level soles.
-        sites: the keypoints; each ankle without a toe gets one.
+        sites: the keypoints; each ankle without a toe gets one, if its foot has a shape.
     """
     links, standing = poses
     feet = {s: sites[f"{s}_ankle"].body for s in "lr" if f"{s}_ankle" in sites}
     ankles = {side: _world(standing, sites[f"{side}_ankle"]) for side in feet}
     surfaces = symmetric_soles({s: standing.surface(foot, seen=True) for s, foot in feet.items()}, ankles, sides.left)
-    for side, foot in feet.items():
+    shaped = {side: foot for side, foot in feet.items() if np.ptp(surfaces[side], axis=0).any()}
+    for side, foot in shaped.items():
         toe = toe_centre(standing, foot, surfaces[side], ankles[side], sides.forward)
         sites = {f"{side}_toe": _site(standing, toe.link, toe.point, toe.confidence, toe.evidence)} | sites
     sites = {k: _doubted(links, k, site) for k, site in _symmetrized(links, sites, sides.left).items()}
     soles = {side: sole(standing, foot, surfaces[side]) for side, foot in feet.items()}
-    notes = [*sides.notes, *links.robot.notes, *_partial(sites)]
+    notes = [*sides.notes, *links.robot.notes, *_partial(sites), *([BARE] if shaped != feet else [])]
     treads = {side: tread(standing, foot) for side, foot in feet.items()}
     return Anatomy(sites, _frames(links, standing, sites, sides), soles, treads, frozen(sides.forward), tuple(notes))
 
@@ -195,8 +197,7 @@ def _symmetrized(links: Links, sites: dict[str, KeypointSite], left: Floats) -> 
 
 def _doubted(links: Links, keypoint: str, site: KeypointSite) -> KeypointSite:
     """Return the site with a confidence of at most `UNSURE` on a finger or gripper; hands may be there."""
-    grasps = words(links.words(int(links.weld[site.body]))) & GRASP_WORDS
-    if keypoint.endswith("hand") or not grasps:
+    if keypoint.endswith("hand") or not grasps(links, int(links.weld[site.body])):
         return site
     return replace(site, confidence=min(site.confidence, UNSURE), evidence=f"{site.evidence}, on a finger or gripper")
 
@@ -276,7 +277,7 @@ def _head(
     height = float(shoulders[2] - pelvis[2])
     below = links.path(trunk)
     free = [x for x in links.ids if x not in used and x not in below and links.surface(x)[:, 2].max() > shoulders[2]]
-    free = [x for x in free if not words(links.words(x)) & GRASP_WORDS]
+    free = [x for x in free if not grasps(links, x)]
     top = _topmost(links, trunk, free, shoulders) if free else _trunk_top(links, trunk, shoulders, height)
     if top is None or not (free or arms):
         return {}

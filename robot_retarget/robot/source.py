@@ -32,6 +32,8 @@ URDF_NUMBERS = ("mass", "inertia", "origin", "axis", "limit", "box", "sphere", "
 MESHES = (".stl", ".obj", ".msh")
 """Mesh formats that MuJoCo reads."""
 SHAPES = ("visual", "collision")
+MOMENTS = ("ixx", "ixy", "ixz", "ixy", "iyy", "iyz", "ixz", "iyz", "izz")
+"""Attributes of a URDF's inertia, as the rows of its matrix."""
 HINGES = ("revolute", "continuous")
 UP = 5
 """Number of folders above the URDF's in which meshes of a package are searched."""
@@ -98,11 +100,6 @@ def _loops(spec: mujoco.MjSpec, rod: mujoco.MjsBody) -> list[str]:
     return joined
 
 
-def _with_loops(spec: mujoco.MjSpec, rod: mujoco.MjsBody) -> str:
-    """Return the name of a rod and where its loops end."""
-    return " to ".join([rod.name, *dict.fromkeys(_loops(spec, rod))])
-
-
 def scene_pairs(spec: mujoco.MjSpec) -> list[mujoco.MjsPair]:
     """Return contact pairs of which a geom is in another file, such as the floor of the scene."""
     geoms = {geom.name for geom in spec.geoms}
@@ -110,21 +107,34 @@ def scene_pairs(spec: mujoco.MjSpec) -> list[mujoco.MjsPair]:
 
 
 def omission_notes(path: Path) -> tuple[str, ...]:
-    """Describe the omitted rods and contact pairs of an MJCF."""
+    """Describe the parts of a model file that are omitted or replaced."""
     if is_urdf(path):
-        return ()
-    spec = mujoco.MjSpec.from_file(str(path))
-    omitted = {
-        "rods on ball joints left out, with the loops they close": [_with_loops(spec, rod) for rod in rods(spec)],
-        "contact pairs left out, with a geom that the file lacks": [pair.name for pair in scene_pairs(spec)],
-    }
+        tree = ET.parse(path).getroot()
+        folder = _compiler(tree).attrib.get("meshdir", "")
+        omitted = {
+            f"meshes not found, or none that MuJoCo reads ({', '.join(MESHES)})": [
+                f"{link.get('name')} ({kind})"
+                for link, kind, _, mesh in _mesh_shapes(tree)
+                if mesh_file(path, folder, mesh.get("filename", "")) is None
+            ],
+            "moments of inertia that no body has, replaced by their mean about every axis": [
+                link.get("name", "") for link, *_ in _impossible(tree)
+            ],
+        }
+    else:
+        spec = mujoco.MjSpec.from_file(str(path))
+        omitted = {
+            "rods on ball joints left out, with the loops they close": [
+                " to ".join([rod.name, *dict.fromkeys(_loops(spec, rod))]) for rod in rods(spec)
+            ],
+            "contact pairs left out, with a geom that the file lacks": [pair.name for pair in scene_pairs(spec)],
+        }
     return tuple(f"{what}: {_some(names)}" for what, names in omitted.items() if names)
 
 
 def _some(names: list[str]) -> str:
     """Return the first names of a list, and the number of the rest."""
-    more = f" and {len(names) - 4} more" if len(names) > 4 else ""
-    return f"{', '.join(names[:4])}{more}"
+    return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
 
 
 def is_urdf(path: Path) -> bool:
@@ -138,9 +148,11 @@ def is_urdf(path: Path) -> bool:
 
 
 def urdf_spec(path: Path) -> mujoco.MjSpec:
-    """Read a URDF with MuJoCo's reader; find its meshes, and omit those that are absent or not readable."""
+    """Read a URDF with MuJoCo's reader; find its meshes, omit those that are absent or not readable, and round impossible inertias."""
     tree = ET.parse(path).getroot()
     _require_numbers(tree)
+    for _, inertia, mean in _impossible(tree):
+        inertia.attrib.update(dict.fromkeys(MOMENTS, "0") | dict.fromkeys(MOMENTS[::4], str(mean)))
     folder = _compiler(tree).attrib.pop("meshdir", "")
     _compiler(tree).attrib.update(URDF_READER)
     for link, _, shape, mesh in _mesh_shapes(tree):
@@ -150,20 +162,6 @@ def urdf_spec(path: Path) -> mujoco.MjSpec:
         else:
             mesh.set("filename", str(found))
     return mujoco.MjSpec.from_string(ET.tostring(tree, encoding="unicode"))
-
-
-def urdf_notes(path: Path) -> tuple[str, ...]:
-    """Describe the omitted parts of a URDF."""
-    tree = ET.parse(path).getroot()
-    folder = _compiler(tree).attrib.get("meshdir", "")
-    lost = [
-        f"{link.get('name')} ({kind})"
-        for link, kind, _, mesh in _mesh_shapes(tree)
-        if mesh_file(path, folder, mesh.get("filename", "")) is None
-    ]
-    if not lost:
-        return ()
-    return (f"meshes not found, or none that MuJoCo reads ({', '.join(MESHES)}): {_some(lost)}",)
 
 
 def urdf_speeds(path: Path) -> dict[str, float]:
@@ -245,6 +243,16 @@ def require_finite(model: mujoco.MjModel) -> None:
             kind, _, array = name.partition("_")
             row = int(np.argwhere(~np.isfinite(values))[0, 0])
             raise ValueError(f"{array} of {kind} {parts[kind](row).name!r} is not finite: {values[row]}")
+
+
+def _impossible(tree: ET.Element) -> Iterator[tuple[ET.Element, ET.Element, float]]:
+    """Yield the links with a negative moment of inertia, which MuJoCo refuses: the link, its inertia, the mean moment [kg m²]."""
+    for link in tree.iter("link"):
+        inertia = link.find("inertial/inertia")
+        if inertia is not None:
+            moments = np.linalg.eigvalsh(np.reshape([float(inertia.get(key, 0)) for key in MOMENTS], (3, 3)))
+            if moments[0] < 0:
+                yield link, inertia, float(moments.mean())
 
 
 def _compiler(tree: ET.Element) -> ET.Element:

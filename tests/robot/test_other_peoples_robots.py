@@ -238,3 +238,24 @@ def test_the_rods_of_a_parallel_leg_are_not_the_leg(tmp_path: Path) -> None:
     robot = load_robot(written(tmp_path, xml))
     sites = recognise(robot).sites
     assert [robot.model.body(sites[f"l_{part}"].body).name for part in ("knee", "ankle")] == ["l7", "l11"]
+
+
+def test_frames_fixed_to_a_link_make_no_gripper_of_it(tmp_path: Path) -> None:
+    """A frame in the middle of the trunk, a gripper fixed to the forearm."""
+    frame = '<body name="{0}" pos="0 0 {1}"><geom type="sphere" size="0.01" mass="0.01"/></body>'
+    arms = "".join(arm(side, sign, frame.format(f"{side}_gripper", -0.2)) for side, sign in (("l", 1), ("r", -1)))
+    legs = leg("l", 1) + leg("r", -1)
+    xml = legged(legs, frame.format("imu_middle", 0.2) + arms)
+    sites = recognise(load_robot(written(tmp_path, xml))).sites
+    plain = recognise(load_robot(written(tmp_path, legged(legs, arms.replace("_gripper", "_tip"))))).sites
+    assert {k: site.confidence for k, site in sites.items()} == {k: site.confidence for k, site in plain.items()}
+
+
+def test_feet_without_shapes_have_no_toes_and_a_note(tmp_path: Path) -> None:
+    box = '<geom type="box" size="0.08 0.03 0.01" pos="0.03 0 -0.04" mass="0.1"/>'
+    mass = '<inertial pos="0 0 0" mass="0.1" diaginertia="1e-4 1e-4 1e-4"/>'
+    xml = legged(leg("l", 1) + leg("r", -1))
+    assert "l_toe" in recognise(load_robot(written(tmp_path, xml))).sites
+    anatomy = recognise(load_robot(written(tmp_path, xml.replace(box, mass))))
+    assert not {"l_toe", "r_toe"} & set(anatomy.sites) and set(anatomy.soles) == {"l", "r"}
+    assert any("the feet have no shapes" in note for note in anatomy.notes)

@@ -229,3 +229,16 @@ def test_a_file_that_mujoco_reads_need_not_be_well_formed(tmp_path: Path) -> Non
     path = tmp_path / "r.xml"
     path.write_text(MJCF.replace("<worldbody>", "<!-- <geom/> <!-- nested --> --><worldbody>"))
     assert load_robot(path).joint_names == ("knee",)
+
+
+def test_an_inertia_that_no_body_has_is_replaced_by_its_mean_and_noted(tmp_path: Path) -> None:
+    """Romeo's thigh: MuJoCo refuses a negative moment."""
+    path = as_urdf(load_robot("op3"), tmp_path / "robot.urdf")
+    tree = ET.parse(path)
+    link = next(one for one in tree.iter("link") if one.get("name") == "l_knee_link")
+    moments = {"ixx": "0.039", "iyy": "0.042", "izz": "0.012", "ixy": "0", "ixz": "0.025", "iyz": "0"}
+    next(link.iter("inertia")).attrib.update(moments)
+    tree.write(path)
+    robot = load_robot(path)
+    assert robot.model.body("l_knee_link").inertia == pytest.approx([0.031] * 3)
+    assert any("moments of inertia that no body has" in note and "l_knee_link" in note for note in robot.notes)
