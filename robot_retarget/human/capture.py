@@ -183,7 +183,9 @@ def one_performer(capture: Capture, request: Request) -> tuple[Capture, tuple[st
     roots = performers(capture)
     if len(roots) < 2:
         if request.clip is not None:
-            raise UsageError(f"{capture.source}: it holds one motion; leave out the # and the text after it")
+            raise UsageError(
+                f"{capture.source}: it holds one motion: none is called {request.clip!r}; leave out its name"
+            )
         return capture, ()
     which, notes = request.choose([capture.skeleton.names[root] for root in roots], capture.source)
     return subtree(capture, roots[which]), notes

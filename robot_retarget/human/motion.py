@@ -161,7 +161,7 @@ class Motion:
             for end in (start, len(self) if stop is None else stop)
         )
         if not 0 <= start < stop <= len(self):
-            raise UsageError(f"frames {start}:{stop} are not within the clip's 0:{len(self)}")
+            raise UsageError(f"frames {start}:{stop} are no part of the clip's 0:{len(self)}")
         rotations = None if self.rotations is None else self.rotations[start:stop]
         contacts = None if self.contacts is None else self.contacts[start:stop]
         return replace(

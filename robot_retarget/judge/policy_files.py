@@ -26,6 +26,8 @@ def read_policy(path: str | Path) -> Policy:
         UsageError: onnxruntime is not installed, the file is no policy, or nothing states its contract.
     """
     path = Path(path)
+    if not path.is_file():
+        raise UsageError(f"{path}: no such file")
     if path.suffix == ".npz":
         return _layers(path)
     try:

@@ -267,6 +267,8 @@ def test_an_onnx_file_is_read_with_its_contract_beside_it(tmp_path: Path) -> Non
     values = [helper.make_tensor_value_info(name, 1, [1, N]) for name in ("obs", "action")]
     graph = helper.make_graph([helper.make_node("Identity", ["obs"], ["action"])], "same", values[:1], values[1:])
     onnx.save(helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9), tmp_path / "p.onnx")
+    with pytest.raises(UsageError, match=r"none\.onnx: no such file"):
+        rr.simulate(SQUAT, OP3, policy=tmp_path / "none.onnx")
     with pytest.raises(UsageError, match=r"no contract .*p\.toml"):
         rr.simulate(SQUAT, OP3, policy=tmp_path / "p.onnx")
     stiffness, damping = (value.tolist() for value in gains())

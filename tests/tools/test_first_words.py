@@ -177,7 +177,9 @@ def test_a_command_without_its_group_gets_the_whole_name() -> None:
         (("info", "-r", "op3", "--limits", "LIMITS"), "the limits file for "),
         (("info", "-r", "op3", "--limits", "LIMITS"), "did you mean 'l_el'?"),
         (("solve", WAVE, "--fps", "abc", "-o", "x.npz"), "'--fps': it takes a number\n"),
-        (("batch", WAVE, "--jobs", "0", "--out", "x"), "the number is greater than or equal to 1\n"),
+        (("batch", WAVE, "--jobs", "0", "--out", "x"), "it must be greater than or equal to 1\n"),
+        (("solve", WAVE, "--performer", "Anna", "-o", "x.npz"), "none is called 'Anna'"),
+        (("view", "x.npz", "--frames", "3:9"), "--frames is a part of --motion"),
         (("solve", WAVE, "--legs", "fly", "-o", "x.npz"), "'--legs': 'fly' is not one of 'auto', 'follow', 'stand'"),
     ],
 )

@@ -106,7 +106,7 @@ def sentence(content: Any) -> str:
     inner = next((value for value in content.values() if isinstance(value, Mapping)), {})
     if any(keys <= one.keys() for keys in ROBOT_KEYS for one in (content, inner)):
         return "a motion of a robot, not of a human: robot-retarget import FILE --robot ROBOT -o T.npz"
-    return f"no turns of a body in this pickle; it holds {', '.join(map(str, content)) or 'nothing'}"
+    return f"no turns of a body in this pickle; it holds {', '.join(str(key) for key in content if content[key] is not None) or 'nothing'}"
 
 
 # SAM 3D Body: 70 keypoints of the Momentum Human Rig and the camera's translation, frame by frame, in the camera's frame.

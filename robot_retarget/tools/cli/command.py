@@ -107,7 +107,7 @@ NOTHING = "no file was written"
 PLAIN = (
     (r"^Value error, ", ""),
     (r"Input should be a valid (integer|number), .*", r"it takes a \1"),
-    (r"Input should be (greater|less) than or equal to (\S+)", r"the number is \1 than or equal to \2"),
+    (r"Input should be (greater|less) than or equal to (\S+)", r"it must be \1 than or equal to \2"),
 )
 """Messages of a library on values that an option refuses, and what is said instead."""
 

@@ -38,9 +38,7 @@ class FileOptions:
 class KnownOptions:
     """The format of a file."""
 
-    format: str | None = option(
-        "Its format; found out by default. export --list names all.", "--format", "-f", default=None
-    )
+    format: str | None = option("Its format; by default recognised (export --list).", "--format", "-f", default=None)
 
 
 @options

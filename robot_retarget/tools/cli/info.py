@@ -23,14 +23,11 @@ from robot_retarget.tools.cli.run import is_robot_name
 
 
 @options
-class InfoOptions:
+class InfoOptions(opt.SceneFileOptions):
     """The object to describe."""
 
     file: str | None = argument("A motion, an MJCF file or a robot's name.", default=None)
     robot: str | None = option("A robot, where its name is also a file's.", "--robot", "-r", default=None)
-    scene: Path | None = option(
-        "Bodies around the human: a TOML of shapes, or an MJCF or URDF (docs/scenes.md).", "--scene", default=None
-    )
 
 
 @command(epilog="Example: robot-retarget info dance.bvh")
@@ -123,9 +120,7 @@ def _python() -> ComponentStatus:
     found = platform.python_version()
     if sys.version_info[:2] < OLDEST_PYTHON:
         wanted = ".".join(map(str, OLDEST_PYTHON))
-        return ComponentStatus(
-            "Python", "missing", f"{found} is older than {wanted}", f"install Python {wanted} or later"
-        )
+        return ComponentStatus("Python", "missing", f"{found} is older than {wanted}", f"install Python {wanted}")
     return ComponentStatus("Python", "ok", f"{found} at {sys.executable}")
 
 
@@ -204,13 +199,12 @@ def _latency(timer: Path, port: str) -> Iterator[ComponentStatus]:
         milliseconds = int(timer.read_text())
     except (OSError, ValueError):
         return  # adapters of other makers have none
+    part = f"latency of {port}"
     if milliseconds <= LATENCY_MS:
-        yield ComponentStatus(f"latency of {port}", "ok", f"{milliseconds} ms")
+        yield ComponentStatus(part, "ok", f"{milliseconds} ms")
     else:
         cure = f"echo {LATENCY_MS} | sudo tee {timer}"
-        yield ComponentStatus(
-            f"latency of {port}", "missing", f"{milliseconds} ms allow {500 // milliseconds} ticks/s", cure
-        )
+        yield ComponentStatus(part, "missing", f"{milliseconds} ms allow {500 // milliseconds} ticks/s", cure)
 
 
 def _group(port: Path) -> str:

@@ -1,7 +1,7 @@
 """`simulate`: a trajectory on simulated servos, and a verdict."""
 
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import typer
 
@@ -163,35 +163,33 @@ def score(scored: ScoreOptions, robot: opt.RobotOptions, printing: opt.PrintOpti
 
     if scored.output is not None:
         require_writable(scored.output)
-    model, options = robot.load(), options_of(scored.joints, source_fps=scored.rate, quaternion=scored.quaternion)
+    model = robot.load()
     if scored.policy is not None:
-        return _rank(scored, model, printing)
-    played = import_motion(scored.trajectory, model, scored.format, options)
-    human = None if scored.motion is None else scored.read(scored.motion)
-    found = rr.score(played, model, human, overrides=scored.map_file)
+        facts, show = _ranked(scored.policy, scored, model), console.show_followed
+    else:
+        options = options_of(scored.joints, source_fps=scored.rate, quaternion=scored.quaternion)
+        played = import_motion(scored.trajectory, model, scored.format, options)
+        human = None if scored.motion is None else scored.read(scored.motion)
+        found = rr.score(played, model, human, overrides=scored.map_file)
+        facts, show = found.contract(), lambda _: console.show_score(found)
     if scored.output is not None:
-        write_text(scored.output, console.as_json(found.contract()) + "\n")
-    printing.show(found.contract(), lambda _: console.show_score(found))
+        write_text(scored.output, console.as_json(facts) + "\n")
+    printing.show(facts, show)
 
 
-def _rank(scored: ScoreOptions, robot: "rr.Robot", printing: opt.PrintOptions) -> None:
-    """Print trajectories by how a controller follows them."""
+def _ranked(file: Path, scored: ScoreOptions, robot: "rr.Robot") -> dict[str, Any]:
+    """Return trajectories by how the controller of a file follows them."""
     from robot_retarget.base.errors import UsageError
-    from robot_retarget.base.files import write_text
     from robot_retarget.judge.policy_files import read_policy
     from robot_retarget.judge.rollout import followed, ranked
 
-    assert scored.policy is not None
-    policy, where = read_policy(scored.policy), scored.trajectory
+    policy, where = read_policy(file), scored.trajectory
     files = sorted(where.rglob("*.npz")) if where.is_dir() else [where]
     if not files:
         raise UsageError(f"{where}: holds no trajectory (.npz)")
     with progress() as begin:
         bar, found = begin("follow"), []
-        for k, file in enumerate(files):
-            found.append(followed(rr.load_trajectory(file), robot, policy, scored.draws, str(file)))
+        for k, path in enumerate(files):
+            found.append(followed(rr.load_trajectory(path), robot, policy, scored.draws, str(path)))
             bar(k + 1, len(files))
-    facts = [each.contract() for each in ranked(found)]
-    if scored.output is not None:
-        write_text(scored.output, console.as_json(facts) + "\n")
-    printing.show({"policy": policy.name, "trajectories": facts}, console.show_followed)
+    return {"policy": policy.name, "trajectories": [each.contract() for each in ranked(found)]}

@@ -259,7 +259,7 @@ class RateOptions:
         "Frames per second of the trajectory; by default the motion's own, 30 at most.", default=None
     )
     preset: Preset = option(
-        "Weights: favour directions of limbs, distances between parts, a tracking policy (smoother), or the blend that looks best.",
+        "Weights: favour directions of limbs, distances between parts, or the blend that looks best.",
         "--preset",
         "--favour",
         default="balanced",
@@ -284,12 +284,18 @@ class FollowOptions(BalancedOptions):
 
 
 @options
-class SceneOptions:
+class SceneFileOptions:
     """The bodies around the human."""
 
     scene: Path | None = option(
-        "Bodies around the human: a TOML of shapes, or an MJCF or URDF (docs/scenes.md).", "--scene", default=None
+        "Bodies around the human: a TOML of shapes, or an MJCF or URDF (docs/scenes.md).", default=None
     )
+
+
+@options
+class SceneOptions(SceneFileOptions):
+    """The bodies around the human, and their size around the robot."""
+
     scene_scale: str = option(
         "Size of the bodies around the robot: `human` scales them with the human, 1 keeps their size, or a number.",
         default="human",

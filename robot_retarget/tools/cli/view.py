@@ -76,6 +76,8 @@ def view(viewed: ViewOptions, drawn: DrawOptions, served: ServeOptions, printing
 
     for path in drawn.files:
         require_writable(path)
+    if viewed.motion is None and viewed.frames is not None:
+        raise UsageError("--frames is a part of --motion; robot-retarget edit cut keeps a part of a trajectory")
     clip = None if viewed.motion is None else viewed.read(viewed.motion)
     takes = _takes(viewed, clip)
     _draw(takes[0], drawn)

@@ -122,7 +122,7 @@ def test_pickles_that_would_run_code_are_refused_and_do_not(tmp_path, monkeypatc
 
 
 def test_pickles_without_a_body_and_cut_ones_are_refused(tmp_path, monkeypatch):
-    (tmp_path / "a.pkl").write_bytes(pickle.dumps({"dof_pos": np.zeros((4, 29)), "fps": 30}))
+    (tmp_path / "a.pkl").write_bytes(pickle.dumps({"dof_pos": np.zeros((4, 29)), "fps": 30, "misc": None}))
     with pytest.raises(MotionError, match=r"no turns of a body in this pickle; it holds dof_pos, fps"):
         read_motion(tmp_path / "a.pkl")
     whole = pickle.dumps({"pose": np.zeros((4, 72))})
