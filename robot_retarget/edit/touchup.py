@@ -26,7 +26,7 @@ from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solver.clip import measured_by, renewed_tracks
 from robot_retarget.solver.limits import Targets, targets_of
 from robot_retarget.solver.options import Smoothing, SolveOptions
-from robot_retarget.solver.passes import clip_of, clip_passes
+from robot_retarget.solver.passes import Passes, clip_of
 from robot_retarget.solver.problem import build_problem
 from robot_retarget.solver.solution import UnmetEdge, reasons_against, unmet_edges, unmet_of_user
 from robot_retarget.solver.sqp import FrameSolver
@@ -94,7 +94,7 @@ def apply_edit(graph: RobotGraph, trajectory: Trajectory, edit: Edit) -> EditRes
     ]
     fixed = 0 if start == 0 else min(FIXED, first - start)
     clip = clip_of(solver, [track.at(slice(start, stop)) for track in tracks], EDITED, graph.fps, fixed)
-    poses = [pose.qpos for pose in clip_passes(clip, np.array(begin), Count(None, len(begin) * EDITED.passes))]
+    poses = [pose.qpos for pose in Passes(clip, np.array(begin)).finish(Count(None, len(begin) * EDITED.passes))]
     qpos = np.array(trajectory.qpos)
     qpos[start:stop] = _faded(graph, known[start:stop], poses, 0 if stop == len(graph) else fading)
     done, window = trajectory.altered(qpos=qpos), slice(start, stop)

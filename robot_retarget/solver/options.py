@@ -202,8 +202,6 @@ class Smoothing:
     extra: int = 16
     """Maximum number of further passes over the frames that have not converged (0; 0)."""
     converged: float = 0.01
-    """A frame has converged if the last pass moved it by less [rad or m] (0; 0 … 0.5) ..."""
-    settled: float = 0.01
-    """... or lowered its cost by a smaller share [-] (-0.1 … 0; 0)."""
+    """A frame has converged if the last pass moved it by less [rad or m] (0; 0 … 0.5)."""
     windows: Windows = field(default_factory=Windows)
     """The windows of a long clip."""

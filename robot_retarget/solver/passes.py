@@ -75,39 +75,23 @@ def clip_of(
     return ClipProblem(solver, targets, smoothing, smooth, jerk, limits.bounds(targets), fps, fixed)
 
 
-def clip_passes(clip: ClipProblem, start: Floats, count: Count) -> list[FrameSolution]:
-    """Alternate between frames drawn to a smooth path and the smooth path through the frames.
+class Passes:
+    """The passes over a clip: frames drawn to a smooth path, and the smooth path through the frames, in turns.
 
     The alternating direction method of multipliers solves  Σ f_t(q_t) + Σ κ ‖s_{t−1} − 2 s_t + s_{t+1} − b_t‖²  subject to
     q_t = s_t: every pass moves each frame by one step against ρ‖q_t ⊖ s_t + y_t‖², then the path s, then the
     multipliers y. Path and multipliers see q_t
     over-relaxed, s_t ⊕ α (q_t ⊖ s_t) [Boyd2011, 3.4.3]. The path moves the sooner the weaker ρ is, and the last pass draws the
     frames to it with a ρ `Smoothing.closing` times as large. Even frames step together, then odd ones, so that the neighbours
-    of a stepping frame do not move. After the first passes, only frames whose cost still falls step (`Smoothing.extra`). The function returns the frames, not the path, because the frames satisfy all
-    limits. Joint speeds hold between the frames: the start is slowed down to them, and no step exceeds them relative to a
-    neighbour. The first `fixed` frames stay unchanged.
-
-    Args:
-        start: (T, nq) configurations.
-        count: receives one step per frame and pass.
+    of a stepping frame do not move. After these passes, only frames that still move step (`Smoothing.extra`). The result
+    consists of the frames, not of the path, because the frames satisfy all limits.
     """
-    return finished(Passes(clip, start), count)
-
-
-def finished(passes: "Passes", count: Count) -> list[FrameSolution]:
-    """Take the remaining passes, and return the frames with hard edges met, links apart and soles over the floor."""
-    clip, smoothing = passes.clip, passes.clip.smoothing
-    passes.take(smoothing.passes + smoothing.extra, count)
-    proximal = Proximal(passes.path, -passes.dual, passes.rho)
-    poses = _separated(clip, _hard_edges_met(clip, passes.poses(), proximal), proximal)
-    depth = clip.solver.depths_under_floor(_qpos(poses), clip.all_targets)
-    return [clip.solver.raised(pose, float(deep)) for pose, deep in zip(poses, depth, strict=True)]
-
-
-class Passes:
-    """The state of the passes over a clip."""
 
     def __init__(self, clip: ClipProblem, start: Floats):
+        """Begin at configurations (T, nq), slowed down to the joint speeds; no step exceeds them relative to a neighbour.
+
+        The first `fixed` frames stay unchanged.
+        """
         robot, self.qpos = clip.solver.robot, start.copy()
         hinges = robot.qpos_index
         self.qpos[:, hinges] = within_speeds(start[:, hinges], clip.bounds.speed[1:] / clip.fps, clip.fixed)
@@ -116,11 +100,8 @@ class Passes:
         self.halves = [half for half in halves if half.size]
         self.clip, self.taken = clip, 0
         self.interpenetrating: set[int] | None = None  # not looked for yet
-        boxes = [clip.box(self.qpos, half) for half in self.halves]
-        self.descents = [
-            clip.solver.begin(self.qpos[half], clip.all_targets.at(half), box)
-            for half, box in zip(self.halves, boxes, strict=True)
-        ]
+        begin, targets = clip.solver.begin, clip.all_targets
+        self.descents = [begin(self.qpos[half], targets.at(half), clip.box(self.qpos, half)) for half in self.halves]
         for descent in self.descents:
             descent.tolerance = clip.smoothing.tolerance
         self.rho = clip.smoothing.proximal * stiffness(np.concatenate([each.base.normal for each in self.descents]))
@@ -143,6 +124,19 @@ class Passes:
                 count.advance(len(self.clip) - self.clip.fixed)
             if not going:
                 break
+
+    def finish(self, count: Count) -> list[FrameSolution]:
+        """Take the remaining passes, and return the frames with hard edges met, links apart and soles over the floor.
+
+        Args:
+            count: receives one step per frame and pass.
+        """
+        clip, smoothing = self.clip, self.clip.smoothing
+        self.take(smoothing.passes + smoothing.extra, count)
+        proximal = Proximal(self.path, -self.dual, self.rho)
+        poses = _separated(clip, _hard_edges_met(clip, self.poses(), proximal), proximal)
+        depth = clip.solver.depths_under_floor(_qpos(poses), clip.all_targets)
+        return [clip.solver.raised(pose, float(deep)) for pose, deep in zip(poses, depth, strict=True)]
 
     def _step(self, number: int) -> bool:
         """Take one pass; return whether frames still move."""
@@ -179,14 +173,12 @@ class Passes:
         if self.interpenetrating:
             descent.between = [_between(clip, self.qpos, t, self.interpenetrating) for t in half.tolist()]
             solver.renew(descent, np.flatnonzero([bool(ways) for ways in descent.between]))
-        before, cost = descent.qpos.copy(), descent.base.cost.copy()
+        before = descent.qpos.copy()
         solver.step_frames(descent, active)
         self.qpos[half] = descent.qpos
         moved = np.abs(difference(solver.robot, before, descent.qpos)).max(axis=1)
-        falls = descent.base.cost < (1 - clip.smoothing.settled) * cost
         tried = (descent.regions.refused > 0) & (descent.regions.refused < solver.options.refusals)
-        open_ = descent.status == Status.OUT_OF_ITERATIONS
-        moving[:] = open_ & (((moved >= clip.smoothing.converged) & falls) | tried)
+        moving[:] = (tried | (moved >= clip.smoothing.converged)) & (descent.status == Status.OUT_OF_ITERATIONS)
 
     def poses(self) -> list[FrameSolution]:
         """Return the frames."""

@@ -1,7 +1,7 @@
 """The result of a solver: the trajectory, the quality of each frame and each edge, and hard edges that it misses."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -139,23 +139,31 @@ MATTERS = 0.1
 
 
 def unmet_edges(
-    solver: FrameSolver, graph: RobotGraph, measured: Mapping[str, Floats], qpos: Floats
+    solver: FrameSolver,
+    graph: RobotGraph,
+    measured: Mapping[str, Floats],
+    qpos: Floats,
+    stood: Sequence[Track] = (),
 ) -> tuple[UnmetEdge, ...]:
     """The hard edges and symbolic inequalities that miss their interval by more than `UNMET`, the largest miss first.
 
     Args:
         measured: per kind (T, E) values of the edges [m].
         qpos: (T, nq) the solution.
+        stood: the tracks with no foot freed: a freed foot misses the place where it would stand.
     """
+    plans = {track.name: track for track in stood}
     problem, found = solver.problem, []
     below = problem.inequalities.values(qpos)
     values = {**measured, **{name: below[:, own] for name, own in problem.inequalities.columns.items()}}
     for track in (graph.kinds[name] for name in values):
-        value, hard = values[track.name], track.present & (track.priority >= HARD)
-        miss = np.where(hard, np.abs(value - np.clip(value, track.lower, track.upper)), 0.0)
+        value, plan = values[track.name], plans.get(track.name, track)
+        hard, freed = track.present & (plan.priority >= HARD), track.priority < HARD
+        lower, upper = np.where(freed, plan.lower, track.lower), np.where(freed, plan.upper, track.upper)
+        miss = np.where(hard, np.abs(value - np.clip(value, lower, upper)), 0.0)
         for edge in np.flatnonzero(miss.max(axis=0, initial=0.0) > UNMET):
             worst, frames = int(miss[:, edge].argmax()), np.flatnonzero(miss[:, edge] > UNMET)
-            interval = float(track.lower[worst, edge]), float(track.upper[worst, edge])
+            interval = float(lower[worst, edge]), float(upper[worst, edge])
             reached = float(value[worst, edge])
             error = reached - float(np.clip(reached, *interval))
             reasons = reasons_against(solver, graph, qpos, (track, int(edge)), worst, error)

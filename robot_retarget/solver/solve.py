@@ -12,7 +12,7 @@ from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.track import Status
 from robot_retarget.human.motion import Motion
 from robot_retarget.robot import Robot
-from robot_retarget.solver.clip import clip_poses, measured_by, stresses
+from robot_retarget.solver.clip import clip_poses, measured_by, renewed_tracks, stresses
 from robot_retarget.solver.descent import FrameSolution
 from robot_retarget.solver.options import Search, Smoothing, SolveOptions
 from robot_retarget.solver.problem import Problem, build_problem
@@ -47,9 +47,9 @@ def solve_graph(
     problem = problem or problem_of(graph)
     solver, built = FrameSolver(problem, options), time.perf_counter()
     count = Count(progress, len(graph))
-    poses, graph = clip_poses(solver, graph, search or Search(), smoothing or Smoothing(), count, start)
+    poses, solved = clip_poses(solver, graph, search or Search(), smoothing or Smoothing(), count, start)
     timings = {"build": built - began, "solve": time.perf_counter() - built}
-    return solution_of(solver, graph, poses, timings)
+    return solution_of(solver, solved, poses, timings, graph)
 
 
 def trajectory_of(motion: Motion, robot: Robot, qpos: Floats) -> Trajectory:
@@ -76,7 +76,11 @@ def problem_of(graph: RobotGraph) -> Problem:
 
 
 def solution_of(
-    solver: FrameSolver, graph: RobotGraph, poses: list[FrameSolution], timings: dict[str, float]
+    solver: FrameSolver,
+    graph: RobotGraph,
+    poses: list[FrameSolution],
+    timings: dict[str, float],
+    planned: RobotGraph | None = None,
 ) -> Solution:
     """Evaluate the cost of every frame and the stress of every kind at solved poses.
 
@@ -85,11 +89,13 @@ def solution_of(
         graph: its T frames.
         poses: T solved frames.
         timings: durations of the stages [s].
+        planned: the graph before feet were freed; a freed foot is reported at the place where it would stand.
     """
     qpos, problem = np.array([pose.qpos for pose in poses]), solver.problem
     trajectory = replace(trajectory_of(graph.motion, graph.robot, qpos), scene=graph.bodies)
     measured, stress = measured_by(problem, graph, qpos), stresses(solver, graph, qpos)
-    unmet = unmet_edges(solver, graph, measured, qpos)
+    stood = renewed_tracks(solver, planned, qpos) if planned else graph.tracks
+    unmet = unmet_edges(solver, graph, measured, qpos, stood)
     missed = {t for edge in unmet for t in edge.frames}
     status = tuple(Status.UNREACHED if t in missed else pose.status for t, pose in enumerate(poses))
     cost = np.sum(list(stress.values()), axis=0)

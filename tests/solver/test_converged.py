@@ -24,7 +24,7 @@ def test_every_frame_of_a_sample_converges(graph: rr.RobotGraph) -> None:
 
 
 def test_more_passes_lower_the_cost_of_frames_that_have_not_converged_only(graph: rr.RobotGraph) -> None:
-    strict = Smoothing(rounds=1, passes=1, collision_check=-1, extra=0, converged=1e-6, settled=1e-3)
+    strict = Smoothing(rounds=1, passes=1, collision_check=-1, extra=0, converged=1e-6)
     short = rr.solve(graph, smoothing=strict, balance="off").solution
     longer = rr.solve(graph, smoothing=replace(strict, extra=30), balance="off").solution
     unsettled = np.array([status is Status.OUT_OF_ITERATIONS for status in short.status])

@@ -78,6 +78,13 @@ def test_footholds_out_of_reach_are_reported_by_the_same_mechanism() -> None:
     assert {edge.kind for edge in solution.unmet} == {"foothold"}
 
 
+def test_a_foot_that_steps_off_its_foothold_is_reported_where_it_would_stand() -> None:
+    solution = solve_graph(wave().with_edge("l_toe", "r_toe", 0.14, frames=(12, 20), hard=True))
+    steps = [edge for edge in solution.unmet if edge.kind == "foothold"]
+    assert {frame for edge in steps for frame in edge.frames} & set(range(8))  # beside the frames of the edge
+    assert max(abs(edge.measured - edge.lower) for edge in steps) > 5e-3
+
+
 @pytest.mark.parametrize(
     ("edge", "message"),
     [

@@ -27,7 +27,7 @@ from robot_retarget.solver.balance.plan import (
 )
 from robot_retarget.solver.descent import FrameSolution
 from robot_retarget.solver.options import Smoothing
-from robot_retarget.solver.passes import ClipProblem, clip_of, clip_passes
+from robot_retarget.solver.passes import ClipProblem, Passes, clip_of
 from robot_retarget.trajectory import Trajectory
 
 # The time that a motion needs: it slows down if a joint, the zero moment point or a shift of weight needs more.
@@ -335,7 +335,7 @@ def played(ik: BalancedIk, clip: PlaybackClip, plan: PlaybackPlan, count: Count,
     solver_clip = clip_of(ik.solver, tracks, Smoothing(), clip.fps)
     count.expect(round(ROUNDS * len(plan.targets) * ((0 if near else IN_TURN) + Smoothing().passes)))
     start = list(plan.targets) if near else _sequential_starts(ik, plan, solver_clip, count)
-    poses = clip_passes(solver_clip, np.array(start), count)
+    poses = Passes(solver_clip, np.array(start)).finish(count)
     qpos = np.array([pose.qpos for pose in poses])
     pressed = tread(robot, qpos, timeline.fps, QUICK, plan.planes)
     margin = np.array([p.margin(x) for p, x in zip(plan.supports, pressed.point, strict=True)])
