@@ -32,7 +32,7 @@ URDF_NUMBERS = ("mass", "inertia", "origin", "axis", "limit", "box", "sphere", "
 MESHES = (".stl", ".obj", ".msh")
 """Mesh formats that MuJoCo reads."""
 SHAPES = ("visual", "collision")
-MOMENTS = ("ixx", "ixy", "ixz", "ixy", "iyy", "iyz", "ixz", "iyz", "izz")
+MOMENTS: tuple[str, ...] = ("ixx", "ixy", "ixz", "ixy", "iyy", "iyz", "ixz", "iyz", "izz")
 """Attributes of a URDF's inertia, as the rows of its matrix."""
 HINGES = ("revolute", "continuous")
 UP = 5
