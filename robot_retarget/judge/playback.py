@@ -223,7 +223,7 @@ def roll_out(
     rollout = log.rollout(times[:done] + played.seconds, unstable, pace)
     if plant.bodies is not None and paths is not None:
         rollout = replace(rollout, bodies=plant.bodies.figures(paths, log.bodies[:done], times[:done]))
-    if loop is None:
+    if not isinstance(loop, ClosedLoop):
         return rollout
     stopped = None if loop.stopped is None else float(times[loop.stopped])
     return replace(rollout, added=loop.added[:done], stopped=stopped)

@@ -117,9 +117,6 @@ class PolicyLoop:
             for terms in (policy.contract.observation, policy.contract.after)
         )
         self._earlier = deque[Floats](maxlen=policy.contract.earlier)
-        self.added: Floats = np.zeros_like(goals.angles)
-        """(N, n) goals minus the reference [rad]."""
-        self.stopped: int | None = None
         self._width = policy.width
 
     def goal(self, row: int, data: mujoco.MjData) -> Floats:
@@ -139,7 +136,6 @@ class PolicyLoop:
         goal[self.places] = self._contract.default + self._contract.scale * self.last.clip(
             -self._contract.clip, self._contract.clip
         )
-        self.added[row] = goal - self._goals[row]
         return goal
 
     def _observed(self, row: int, data: mujoco.MjData) -> Floats:
@@ -243,13 +239,15 @@ direction of gravity in the root body's axes, its vertical axis in the world, ro
 
 
 def under_policy(plant: Plant, policy: Policy) -> Plant:
-    """Return the plant with the policy's gains on its joints."""
+    """Return the plant with the policy's gains on its joints, in place of the stiffness and damping of their servos."""
     model, contract = plant.model, policy.contract
     if contract.damping.any():
         model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST  # Euler leaves a servo's damping explicit
     for joint, stiffness, damping in zip(contract.joints, contract.stiffness, contract.damping, strict=True):
         servo = plant.servos[plant.robot.joint_names.index(joint)] if joint in plant.robot.joint_names else -1
         if servo >= 0:
+            if damping > 0 and not model.actuator_biasprm[servo, 2]:  # its damping is that of its joint
+                model.dof_damping[plant.dofs[plant.robot.joint_names.index(joint)]] = 0.0
             model.actuator_gear[servo, 0] = 1.0
             model.actuator_gainprm[servo, 0] = stiffness
             model.actuator_biasprm[servo, :3] = 0.0, -stiffness, -damping

@@ -46,9 +46,8 @@ def read_policy(path: str | Path) -> Policy:
     contract = _contract(path, session.get_modelmeta().custom_metadata_map, sizes)
 
     def act(observation: Floats) -> Floats:
-        return np.asarray(
-            session.run([out], {first.name: observation[None].astype(np.float32)})[0], dtype=float
-        ).ravel()
+        action = session.run([out], {first.name: observation[None].astype(np.float32)})[0]
+        return np.asarray(action, dtype=float).ravel()
 
     return Policy(contract, act, width if isinstance(width, int) else None, path.name)
 
@@ -143,18 +142,15 @@ def from_yaml(table: Mapping[str, Any]) -> Contract:
 def twist2() -> Contract:
     """Return the contract of TWIST2's trackers of the G1, as its `deploy_real/server_low_level_g1_sim.py` at d5c7108e runs them."""
     sides = [f"{side}_{part}" for limb in TWIST2[:2] for side in ("left", "right") for part in limb]
-    legs, arms = sides[:12], sides[12:]
-    joints = [f"{name}_joint" for name in (*legs, *TWIST2[2], *arms)]
+    joints = [*sides[:12], *TWIST2[2], *sides[12:]]
     values = {part: row for limb in TWIST2 for part, row in limb.items()}
-    rows = np.array(
-        [values[name.removesuffix("_joint").removeprefix("left_").removeprefix("right_")] for name in joints]
-    )
-    default = rows[:, 0] * [-1 if name == "right_shoulder_roll_joint" else 1 for name in joints]
+    rows = np.array([values[name.removeprefix("left_").removeprefix("right_")] for name in joints])
+    default = rows[:, 0] * [-1 if name == "right_shoulder_roll" else 1 for name in joints]
     seen = tuple(0.0 if "ankle" in name else 0.05 for name in joints)
     reference = Term("reference_motion"), Term("reference_joints")
     own = Term("gyro", 0.25), Term("lean"), Term("joints"), Term("speeds", seen), Term("actions")
     return Contract(
-        50.0, tuple(joints), default, np.array(0.5), rows[:, 1], rows[:, 2], (*reference, *own), earlier=10, after=reference,
+        50.0, tuple(f"{name}_joint" for name in joints), default, np.array(0.5), rows[:, 1], rows[:, 2], (*reference, *own), earlier=10, after=reference,
         clip=10.0,
     )  # fmt: skip
 
@@ -172,9 +168,7 @@ def from_metadata(metadata: Mapping[str, str]) -> Contract:
     joints = tuple(json.loads(metadata["dof_names"]))
     stand, gyro, speeds = next((row for joint, row in HOLOSOMA.items() if joint in joints), ({}, 1.0, 1.0))
     if not stand:
-        raise UsageError(
-            f"policy: holosoma's walkers are known with {' or '.join(HOLOSOMA)} among their joints: write a contract"
-        )
+        raise UsageError(f"policy: it has no joint of a known walker ({', '.join(HOLOSOMA)}): write a contract")
     terms = (
         Term("actions"), Term("gyro", gyro), Term("command_turn"), Term("command_velocity"), Term("cos_phase"),
         Term("joints"), Term("speeds", speeds), Term("gravity"), Term("sin_phase"),

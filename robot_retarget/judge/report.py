@@ -114,6 +114,8 @@ class Report:
     """Pairs of links that touched on the servos, and when [s]."""
     trajectory: Trajectory | None = None
     """The trajectory of `trajectory_sha256`, with the judged goals, to be played."""
+    executed: Trajectory | None = None
+    """The motion as simulated, at the frames of the trajectory."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "reasons", tuple(self.reasons))
@@ -267,11 +269,17 @@ def build_report(
         figures["notes"].append(f"no robot plays this standing on its own feet: {figures['not_standing']}")
     series = {**_tracks(tracking, at_frames(trajectory, robot, played.plain), plant), **_stands(stance)}
     series["simulated"] = _poses(rollout, tracking.times)
+    executed = as_executed(trajectory, rollout, tracking.times) if len(tracking.times) else None
+    if plant.policy is not None and executed is not None:
+        moves = ((q[-1] - q[0])[robot.root_address :][:2] for q in (executed.qpos, trajectory.qpos))
+        figures |= zip(
+            ("way_m", "planned_way_m"), (round(float(np.linalg.norm(move)), 4) for move in moves), strict=True
+        )
     touched = touches(own_contacts(rollout, robot, until), rollout.times, robot)
     return Report(
         "fail" if reasons else "pass", reasons, figures, sha256, robot.name,
         series=series, joint_names=robot.joint_names, thresholds=thresholds, touches=tuple(touched), trajectory=trajectory,
-        unlike=unlike, model=robot.name if robot.path.is_relative_to(MODELS) else str(robot.path),
+        unlike=unlike, executed=executed, model=robot.name if robot.path.is_relative_to(MODELS) else str(robot.path),
     )  # fmt: skip
 
 
@@ -306,9 +314,13 @@ def _tracks(tracking: Tracking, plain: Tracking, plant: Plant) -> dict[str, Floa
 
 def _poses(rollout: Rollout, times: Floats) -> Floats:
     """(F, nq) the states next to times (F,)."""
-    if not len(times):
-        return rollout.qpos[:0]
-    return rollout.qpos[np.clip(np.searchsorted(rollout.times, times), 0, len(rollout.times) - 1)]
+    return rollout.qpos[np.searchsorted(rollout.times, times).clip(max=len(rollout.times) - 1)]
+
+
+def as_executed(trajectory: Trajectory, rollout: Rollout, times: Floats) -> Trajectory:
+    """Return the simulated motion at the times (F,) of the first frames; goals and likeness are the plan's and left out."""
+    human = trajectory.source_time[: len(times)]
+    return replace(trajectory, qpos=_poses(rollout, times), source_time=human, goals=None, likeness={})
 
 
 def _so_far(values: Floats, frames: int) -> Floats:

@@ -41,6 +41,8 @@ FACTS = (
     ),
     Fact("pace", "speed", "times", "the human's, each in its own legs: length of steps over slowdown"),
     Fact("stride", "length of steps", "times", "the human's, scaled to the robot's legs"),
+    Fact("way_m", "way of the root", "", "under the policy, from start to end [m]"),
+    Fact("planned_way_m", "way of the plan's root", "", "from start to end [m]"),
     Fact("draws", "randomised simulations", "", "with other mass, friction, servos, supply, floor and tilt"),
     Fact("tracking_rms_rad", "tracking error of all joints", "rad", "measured minus planned angle (rms), on the servos of the verdict"),
     Fact("servos", "servos of the verdict", "", "of the modelled, published and drawn ones those with the worst outcome"),
@@ -113,4 +115,5 @@ def _pace(figures: Mapping[str, Any]) -> str:
 
 def _likeness(figures: Mapping[str, Any]) -> str:
     angle = figures.get("limb_rad")
-    return "" if angle is None else f", its limbs {shown(angle, 'rad')} from the human's on average"
+    whose = "its limbs" if "policy" not in figures else "the limbs of the plan"
+    return "" if angle is None else f", {whose} {shown(angle, 'rad')} from the human's on average"

@@ -19,12 +19,12 @@ from robot_retarget.judge.bodies import Objects
 from robot_retarget.judge.build import build_plant, crowded_body
 from robot_retarget.judge.compensate import compensated
 from robot_retarget.judge.feedback import has_feedback, with_feedback
-from robot_retarget.judge.figures import fall_figures
+from robot_retarget.judge.figures import at_frames, fall_figures
 from robot_retarget.judge.plant import Mode, Plant
 from robot_retarget.judge.playback import Playback, Rollout, plain_goals, roll_out
 from robot_retarget.judge.policy import Policy, under_policy
 from robot_retarget.judge.policy_files import read_policy
-from robot_retarget.judge.report import Report, SimulatedTrajectory, build_report, series_of
+from robot_retarget.judge.report import Report, SimulatedTrajectory, as_executed, build_report, series_of
 from robot_retarget.judge.servo_model import Drives, drives_of
 from robot_retarget.judge.verdict import Thresholds
 from robot_retarget.judge.worlds import (
@@ -42,7 +42,6 @@ from robot_retarget.judge.worlds import draws as drawn_worlds
 from robot_retarget.robot.catalog import on_robot
 from robot_retarget.robot.contacts import replay_contacts
 from robot_retarget.robot.model import Robot
-from robot_retarget.robot.timing import sample_hinges
 from robot_retarget.scene.scene import Scene
 from robot_retarget.solver.pipeline import Result
 from robot_retarget.trajectory import Trajectory, fingerprint
@@ -285,13 +284,8 @@ class Followed:
 
     def contract(self) -> dict[str, object]:
         """Plain values for JSON."""
-        return {
-            "name": self.name,
-            "falls": self.fallen,
-            "worlds": len(self.falls),
-            "fall_s": self.falls,
-            "error_rad": self.error,
-        }
+        falls = {"falls": self.fallen, "worlds": len(self.falls), "fall_s": self.falls}
+        return {"name": self.name, **falls, "error_rad": self.error}
 
 
 def followed(trajectory: Trajectory, robot: Robot, policy: Policy, worlds: int = TRIED, name: str = "") -> Followed:
@@ -314,14 +308,11 @@ def followed(trajectory: Trajectory, robot: Robot, policy: Policy, worlds: int =
     others = rollouts(plant, replace(trajectory, goals=goals), drawn_worlds(worlds), playback=playback, command=goals)
     falls = tuple(_fall(each, robot, trajectory) for each in (nominal, *others))
     end = trajectory.duration if falls[0] is None else max(falls[0], 0.0)
-    played = (nominal.times >= 0) & (nominal.times <= end)
-    states, times = nominal.qpos[played], nominal.times[played]
-    if not len(states):
-        states, times = nominal.qpos[-1:], nominal.times[-1:].clip(0.0)
-    wrong = states[:, robot.qpos_index] - sample_hinges(trajectory, robot, times)
-    human = np.interp(times, np.arange(len(trajectory)) / trajectory.fps, trajectory.source_time)
-    executed = replace(trajectory, qpos=states, fps=goals.rate, goals=None, source_time=human)
-    return Followed(name or trajectory.source, falls, round(float(np.sqrt((wrong**2).mean())), 4), executed)
+    tracking = at_frames(trajectory, robot, nominal)
+    played = tracking.times <= end
+    error = float(np.sqrt((tracking.error[played] ** 2).mean()))
+    executed = as_executed(trajectory, nominal, tracking.times[played])
+    return Followed(name or trajectory.source, falls, round(error, 4), executed)
 
 
 def ranked(found: Iterable[Followed]) -> list[Followed]:

@@ -145,7 +145,9 @@ class Badge:
     standing: bool = True
     """Whether a robot on its own feet can play what the human does."""
     pace: float | None = None
-    """Speed over the human's, each in its own legs [-]; None without steps."""
+    """Speed over the human's, each in its own legs [-]; None without steps, and under a policy, which has its own."""
+    policy: str = ""
+    """The frozen controller that made the goals; empty without one."""
 
     @property
     def level(self) -> str:
@@ -163,6 +165,7 @@ class Badge:
         if self.level in ("pass", "edge") and not self.compared:
             verdict = f"{verdict}, likeness not judged"
         how = ["pinned" if self.pinned else "free", *(["with feedback"] if self.feedback else [])]
+        how += [f"under {self.policy}"] if self.policy else []
         if self.pace is not None and not self.pinned:
             how.append(f"at {self.pace:.2f} of the human's speed")
         return f"{verdict} ({', '.join(how)})"
@@ -176,7 +179,8 @@ def badge_of(reasons: tuple[str, ...], unlike: tuple[str, ...], figures: Mapping
     """Return the badge of a simulation with these reasons, differences and figures."""
     return Badge(
         not reasons, bool(unlike), figures["mode"] == "pinned", bool(figures.get("feedback")), "limb_rad" in figures,
-        bool(figures.get("at_edge")), not figures.get("not_standing"), figures.get("pace"),
+        bool(figures.get("at_edge")), not figures.get("not_standing"),
+        None if "policy" in figures else figures.get("pace"), figures.get("policy", ""),
     )  # fmt: skip
 
 

@@ -242,8 +242,7 @@ def _is_limit(table: str, value: Any) -> bool:
 
 
 def _find(name: str | Path) -> Path:
-    shipped = shipped_robots()
-    path = Path(name)
+    shipped, path = shipped_robots(), Path(name)
     if str(name).lower() in shipped:
         return shipped[str(name).lower()]
     if path.suffix.lower() in MODEL_FILES:

@@ -38,6 +38,7 @@ class SimulateOptions(opt.JudgeOptions, opt.ServoOptions, opt.TrajectoryOptions)
         "--report",
         default=None,
     )
+    executed: Path | None = option("The motion as executed to write (.npz), for view and score.", default=None)
     thresholds: Path | None = option("TOML file with thresholds of the verdict.", default=None)
     page: Path | None = option("A page with charts to write (.html).", default=None)
 
@@ -62,7 +63,7 @@ def simulate(how: SimulateOptions, robot: opt.RobotOptions, printing: opt.PrintO
     resolved = mode_of(played) if how.policy is None else "free"
     mode = resolved if how.mode == "auto" else how.mode
     where = how.report_file or how.trajectory.with_name(NAMES[mode])
-    for path in (*([how.trajectory, where] if how.store else []), *([page] if page else [])):
+    for path in filter(None, (*((how.trajectory, where) if how.store else ()), page, how.executed)):
         require_writable(path)
     warnings = warnings_of(played, model) if len(played) > 1 else None  # a single frame has no next one to warn of
     with progress() as begin:
@@ -83,6 +84,8 @@ def simulate(how: SimulateOptions, robot: opt.RobotOptions, printing: opt.PrintO
         )
     if how.store:
         save_judged(report, how.trajectory, where)
+    if how.executed is not None and report.executed is not None:
+        report.executed.save(how.executed)
     if page is not None:
         write_page(report, report.trajectory or played, warnings, page, film=loop(model, played))
     printing.show(report.contract(), lambda _: console.show_report(report))
