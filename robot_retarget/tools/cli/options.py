@@ -16,6 +16,7 @@ from robot_retarget.tools.cli.command import argument, option, options
 
 MODELS = (".xml", ".mjcf", ".urdf")
 MOTIONS = (".bvh", ".amc", ".asf", ".c3d", ".mvnx", ".trc", ".glb", ".gltf", ".vrma", ".fbx")
+KINDS = {".toml": "settings"} | dict.fromkeys(MODELS, "robot") | dict.fromkeys(MOTIONS, "motion")
 TRAJECTORY_MEMBERS = {"qpos.npy", "joint_names.npy", "format_version.npy"}
 STDIN = "-"
 TAKEN_BY = {
@@ -30,13 +31,8 @@ TAKEN_BY = {
 def kind_of(path: Path) -> str:
     """A key of `TAKEN_BY`, by the suffix or the names in an archive; empty for what may be several kinds."""
     suffix = path.suffix.lower()
-    if suffix in MODELS:
-        return "robot"
-    if suffix in MOTIONS:
-        return "motion"
-    if suffix == ".toml":
-        return "settings"
-    return "trajectory" if suffix == ".npz" and set(zip_names(path)) >= TRAJECTORY_MEMBERS else ""
+    planned = suffix == ".npz" and set(zip_names(path)) >= TRAJECTORY_MEMBERS
+    return KINDS.get(suffix, "trajectory" if planned else "")
 
 
 def taking(wanted: str) -> Callable[[Any], Any]:
