@@ -113,7 +113,7 @@ class Result:
             self.balance.timeline.share >= 1,
             slowdown=self.balance.slowdown,
             stride=self.balance.stride,
-            legs="instead" if self.balance.instead else self.balance.legs,
+            legs="instead" if self.balance.instead and self.balance.legs == "stand" else self.balance.legs,
             unfinished=self.solution.unfinished,
         )
 

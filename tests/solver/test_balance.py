@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial import KDTree
+from scipy.spatial.transform import Rotation
 
 import robot_retarget as rr
 from robot_retarget.base.errors import BalanceError, UsageError
@@ -521,6 +522,26 @@ def test_forearms_of_a_walk_pass_knees_at_a_distance_between_frames_too(walk: Re
             for pair in product(own[f"{side}_el_link"], own[f"{side}_knee_link"]):
                 nearest = min(nearest, mujoco.mj_geomDistance(model, data, *pair, 0.05, None))
     assert nearest > 0.03 * walk.graph.match.robot_leg
+
+
+def test_a_human_who_turns_around_in_place_is_followed_in_small_steps_without_a_fall() -> None:
+    """By 170° in 1.5 s over the spot where it waves, with feet that never leave the floor."""
+    waves = rr.read_motion(SAMPLES / "wave.bvh").resample(10).frames(0, 24)
+    spin = Rotation.from_euler("z", np.radians(170) * np.clip(np.linspace(-0.3, 1.3, 24), 0, 1)[:, None])
+    middle = waves.positions[:1, :1] * [1.0, 1.0, 0.0]
+    turned = [
+        (s * Rotation.from_quat(q, scalar_first=True)).as_quat(scalar_first=True)
+        for s, q in zip(spin, waves.rotations, strict=True)
+    ]
+    places = middle + np.einsum("tij,tkj->tki", spin.as_matrix(), waves.positions - middle)
+    robot = rr.load_robot("op3")
+    result = rr.retarget(replace(waves, positions=places, rotations=np.array(turned), whole=None), robot)
+    found, root = result.balance, Rotation.from_quat(result.trajectory.qpos[:, 3:7], scalar_first=True)
+    assert found is not None and found.legs == "follow" and (~found.timeline.planted).any(axis=0).all()
+    turn = np.unwrap(root.as_euler("ZYX")[:, 0])
+    assert turn[-1] - turn[0] == pytest.approx(np.radians(170), abs=0.35)
+    report = rr.simulate(result.trajectory, robot, mode="free", draws=0, playback=Playback(settle_after=2.0))
+    assert report.figures["fall_s"] is None and report.figures["foot_slip_m"] < 0.01, report.reasons
 
 
 def test_a_walk_is_walked_on_the_robots_own_feet_without_a_fall() -> None:

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from robot_retarget.base.arrays import intervals
 from robot_retarget.scene.geoms import SolidGround
 from robot_retarget.scene.scene import RigidBody, Scene
 from robot_retarget.scene.shape import ShapeKind, solid
@@ -14,6 +15,7 @@ from robot_retarget.solver.balance.footsteps import (
     reachable_footholds,
     spread,
     total_step_length,
+    turning_steps,
     without_small_swings,
 )
 
@@ -112,3 +114,41 @@ def test_a_foot_in_the_air_is_no_farther_from_its_place_beside_the_other_than_on
     placed = reachable_footholds(planted, corners, OWN, LEG)
     assert (placed[12:18, 0] - OWN[0])[..., 0] == pytest.approx(REACH * LEG)
     assert placed[20:] == pytest.approx(corners[20:], abs=1e-12)
+
+
+@given(st.floats(2.1, 14.0), st.booleans(), st.integers(0, 10_000))
+@settings(max_examples=40, deadline=None)
+def test_a_spin_on_both_feet_or_on_one_is_small_turns_of_one_foot_after_the_other(
+    way: float, right: bool, seed: int
+) -> None:
+    """Between soles that turn with the body, however it sways, as complex numbers."""
+    most, rate, rng = 1.0, 0.12, np.random.default_rng(seed)
+    frames = np.arange(round(way / rate) + 40)
+    turns = np.clip(frames - 20, 0, way / rate) * rate * (-1 if right else 1) + 0.02 * np.sin(frames / 3)
+    planted, corners = np.ones((len(frames), 2), bool), np.zeros((len(frames), 2, 4, 3))
+    turned = (OWN[..., 0] + 1j * OWN[..., 1]) * np.exp(1j * turns)[:, None, None] + rng.normal()
+    corners[..., 0], corners[..., 1] = turned.real, turned.imag
+    if seed % 2:
+        planted[22:-22, 1] = False
+    steps, placed = turning_steps(planted, corners, OWN, turns, 30.0, most)
+    ahead = placed[..., :2, :2].mean(axis=2) - placed[..., 2:, :2].mean(axis=2)
+    assert steps.any(axis=1).all() and steps[:10].all() and steps[-10:].all()
+    landings = sorted((stop, foot) for foot in range(2) for _, stop in intervals(~steps[:, foot]))
+    if planted.all():  # the inner foot first
+        assert [foot for _, foot in landings] == [(k + right) % 2 for k in range(len(landings))]
+    for foot in range(2):
+        held = []
+        for start, stop in intervals(steps[:, foot]):
+            x, y = np.median(ahead[start:stop, foot], axis=0)
+            off = np.angle((x + 1j * y) * np.exp(-1j * turns[start:stop]))
+            assert np.abs(off).max() < 1.25 * most  # what the hips turn
+            held.append(turns[start] + off[0])
+        assert np.abs(np.diff(held)).max() < 1.75 * most + 3 * rate
+    apart = placed[:, 0].mean(axis=1) - placed[:, 1].mean(axis=1)
+    assert np.linalg.norm(apart, axis=1) == pytest.approx(0.1)
+
+
+def test_a_body_that_twists_by_a_quarter_turn_over_its_feet_takes_no_steps() -> None:
+    turns, planted, corners = 0.8 * np.sin(np.arange(90) / 10), np.ones((90, 2), bool), np.tile(OWN, (90, 1, 1, 1))
+    steps, placed = turning_steps(planted, corners, OWN, turns, 30.0, 1.0)
+    assert steps.all() and (placed == corners).all()

@@ -5,16 +5,17 @@
 The last step is a second retargeting: the human's edges at the playback's pace, plus footholds and centre of mass.
 """
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from robot_retarget.base.arrays import Floats
+from robot_retarget.base.arrays import Floats, bearing
 from robot_retarget.base.errors import BalanceError, UsageError, known
 from robot_retarget.base.progress import Count, Progress
 from robot_retarget.graph.describe import RobotGraph, graph_from
-from robot_retarget.human.features import require_own_feet
+from robot_retarget.human.features import SUPPORTED, require_own_feet
 from robot_retarget.human.resample import at_frames
 from robot_retarget.robot import Robot
 from robot_retarget.scene.geoms import SolidGround
@@ -30,10 +31,12 @@ from robot_retarget.solver.balance.balanced_ik import (
 from robot_retarget.solver.balance.footsteps import (
     REACH,
     StepRule,
+    facing,
     planted_feet,
     reachable_footholds,
     spread,
     total_step_length,
+    turning_steps,
     without_small_swings,
 )
 from robot_retarget.solver.balance.plan import DYNAMIC, STATIC, PlaybackClip
@@ -116,8 +119,13 @@ def in_balance(
             if legs == "follow":
                 raise
             reason = str(error).split(": a robot that stands free")[0]
-    balanced, graph, solution = _played_as(ik, draft, _standing(ik, draft.trajectory.qpos), modes[-1], count)
-    return replace(balanced, legs="stand", instead=reason), graph, solution
+        turning = _standing(ik, draft.trajectory.qpos, turning=True)
+        if not turning.planted.all() and ik.graph.human.activity.kind != SUPPORTED:
+            with suppress(BalanceError):
+                balanced, *rest = _played_as(ik, draft, turning, modes[0], count, Alike(unlike_legs=np.pi))
+                return replace(balanced, legs="turn", instead=reason), *rest
+    balanced, *rest = _played_as(ik, draft, _standing(ik, draft.trajectory.qpos), modes[-1], count)
+    return replace(balanced, legs="stand", instead=reason), *rest
 
 
 def _following(
@@ -139,10 +147,8 @@ def _following(
         steps = {"dynamic": (planned, *shorter.values()), "static": (shorter[0.5],)}
         attempts = [(mode, clip) for mode in modes for clip in steps[mode]]
     for mode, clip in attempts[:-1]:
-        try:
+        with suppress(BalanceError):
             return _played_as(ik, draft, clip, mode, count, Alike())
-        except BalanceError:
-            continue
     return _played_as(ik, draft, attempts[-1][1], attempts[-1][0], count, most)
 
 
@@ -183,16 +189,20 @@ def _played_as(
     return found, played, replace(solution, trajectory=replace(solution.trajectory, balance=mode, source_time=times))
 
 
-def _standing(ik: BalancedIk, draft: Floats) -> PlaybackClip:
-    """Return a clip with both feet in the balanced stand at all frames."""
-    graph, places = ik.graph, stand_places(ik)
-    human, turns = in_place(graph.human, graph.match)
-    posed, count = posed_in_place(ik, draft, turns, balanced_stand(ik, places)), len(draft)
+def _standing(ik: BalancedIk, draft: Floats, turning: bool = False) -> PlaybackClip:
+    """Return a clip with both feet in the balanced stand at all frames; `turning` with the human in small steps."""
+    graph, own = ik.graph, stand_places(ik)
+    human, turns = in_place(graph.human, graph.match, turning)
+    posed = posed_in_place(ik, draft, turns, balanced_stand(ik, own))
+    planted, headings = np.ones((len(draft), len(ik.feet)), bool), _headings(graph) * turning
+    planted, places = turning_steps(planted, facing(own, headings), own, headings, graph.fps, ik.turn)
     still = graph_from(graph, human)
-    return PlaybackClip(
-        still, posed, np.tile(places, (count, 1, 1, 1)), np.ones((count, len(ik.feet)), bool), graph.fps,
-        ground=SolidGround(still.bodies),
-    )  # fmt: skip
+    return PlaybackClip(still, posed, places, planted, graph.fps, ground=SolidGround(still.bodies))
+
+
+def _headings(graph: RobotGraph) -> Floats:
+    """Return (T,) the human's heading [rad]."""
+    return np.unwrap(bearing(graph.human.heading))
 
 
 def _stepping(ik: BalancedIk, draft: Floats, share: float = 1.0) -> PlaybackClip:
@@ -207,7 +217,8 @@ def _stepping(ik: BalancedIk, draft: Floats, share: float = 1.0) -> PlaybackClip
     planted = planted_feet(graph.human.contacts, ik.feet, corners, ik.leg, fps, exact, ground)
     own = stand_places(ik)
     corners = spread(corners, own)
-    kept = without_small_swings(planted, corners, ik.leg, fps, ground=ground)
+    kept = without_small_swings(planted, corners, ik.leg, fps, ground)
+    kept, corners = turning_steps(kept, corners, own, _headings(graph), fps, ik.turn)
     if kept.all() or graph.bodies is not None:  # a shorter step would miss its place next to a body
         return PlaybackClip(graph, draft, corners, kept, fps, ground=ground)
     placed = reachable_footholds(kept, corners, own, ik.leg, share * REACH)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import casadi as ca
+import mujoco
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
@@ -24,6 +25,7 @@ from robot_retarget.human.match import Match
 from robot_retarget.robot import Points, Robot, world_points
 from robot_retarget.robot.kinematics import carrying, mass_function
 from robot_retarget.robot.support import CORNERS, sole_corners, support
+from robot_retarget.solver.balance.footsteps import TURN
 from robot_retarget.solver.clip import measured_by, renewed
 from robot_retarget.solver.compiled import Mapped
 from robot_retarget.solver.limits import targets_of
@@ -59,6 +61,10 @@ class BalanceOptions:
     """π of the pelvis' orientation in a stand, and of its joints at their standing angles [1/rad²] (half and double change nothing in the sample walk) ..."""
     standing: float = 1.0
     """... from which a lead-in starts and at which a lead-out ends."""
+
+
+UPRIGHT = 0.9
+"""Least vertical part of the axis of a hinge that turns a foot about the vertical [-]."""
 
 
 class BalancedIk:
@@ -115,6 +121,17 @@ class BalancedIk:
             {names[k] for k in np.flatnonzero((moves & dofs).any(axis=1))} for dofs in (arms, self.leg_dofs)
         )
         return first, second
+
+    @cached_property
+    def turn(self) -> float:
+        """`footsteps.TURN`, or what hips twist either way from the standing pose if that is less [rad]; infinite if they do not: the feet then take no turns."""
+        robot, data = self.robot, mujoco.MjData(self.robot.model)
+        data.qpos[:] = robot.standing()
+        mujoco.mj_kinematics(robot.model, data)
+        upright = self.leg_dofs[robot.dof_index] & (np.abs(data.xaxis[robot.joint_ids, 2]) > UPRIGHT)
+        angles = data.qpos[robot.qpos_index]
+        room = np.minimum(robot.upper - angles, angles - robot.lower)[upright]
+        return min(TURN, float(room.min())) if room.size else np.inf
 
     @property
     def leg_coordinates(self) -> np.ndarray:
@@ -249,15 +266,13 @@ def balanced_stand(ik: BalancedIk, places: Floats, frame: int = 0) -> Floats:
     return ik.stand(posed, places, support(places.reshape(-1, 3)).middle, frame)
 
 
-def in_place(human: HumanFeatures, match: Match) -> tuple[HumanFeatures, Floats]:
+def in_place(human: HumanFeatures, match: Match, turning: bool = False) -> tuple[HumanFeatures, Floats]:
     """Return the human over standing feet, without travel and slow turns; and these turns (T,) [rad].
 
-    All directions turn back about the vertical by the smoothed heading of the human. The pelvis stays over the origin,
-    and both feet stand throughout.
+    All directions turn back about the vertical by the smoothed heading of the human, unless the feet are `turning` with it. The pelvis stays over the
+    origin, and both feet stand throughout.
     """
-    ahead = human.heading
-    turning = np.unwrap(bearing(ahead))
-    slow = gaussian_filter1d(turning, SETTLE * human.fps, mode="nearest")
+    slow = gaussian_filter1d(np.unwrap(bearing(human.heading)), SETTLE * human.fps, mode="nearest") * (not turning)
     back = Rotation.from_euler("z", -slow[:, None]).as_matrix()
     pelvis = match.index("pelvis") if "pelvis" in match.keypoints else 0
     centred = human.positions - human.positions[:, pelvis : pelvis + 1] * [1.0, 1.0, 0.0]

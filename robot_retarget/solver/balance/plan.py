@@ -66,12 +66,7 @@ class ZmpPlan:
 
 
 def plan_centre(
-    targets: Floats,
-    lever: Floats,
-    supports: list[Polygon],
-    fps: float,
-    how: Steadiness,
-    drift: Floats | None = None,
+    targets: Floats, lever: Floats, supports: list[Polygon], fps: float, how: Steadiness, drift: Floats | None = None
 ) -> ZmpPlan:
     """Plan the path of the centre of mass by the quadratic program of this module.
 
@@ -87,12 +82,12 @@ def plan_centre(
         The path, and the distance by which each frame exceeds its polygon.
     """
     count = len(targets)
-    acceleration = _second(count) * fps**2
+    acceleration = -(_first(count).T @ _first(count)) * fps**2
     point = sparse.eye(count) - sparse.diags(lever) @ acceleration
     shrunk = [polygon.shrunk(how.keep) for polygon in supports]
     inside = [_inside(shrunk, sparse.eye(count), None)] if how.static else []
     rows, least = zip(*inside, _inside(shrunk, point, drift), strict=True)
-    third = _third(count) * fps**3
+    third = _first(count - 2) @ _first(count - 1) @ _first(count) * fps**3
     smooth = how.jerk * (third.T @ third) + sparse.eye(count) + how.middle * (point.T @ point)
     hessian = 2 * sparse.block_diag([smooth, smooth, how.penalty * sparse.eye(count)], format="csc")
     middles = np.array([polygon.middle for polygon in supports]) - (0.0 if drift is None else drift)
@@ -117,43 +112,17 @@ def _inside(supports: list[Polygon], take: Any, drift: Floats | None) -> tuple[A
 
 def _solve(h: Any, g: Floats, a: Any, upper: Floats) -> Floats:
     """minimise ½ xᵀHx + gᵀx subject to A x ≤ upper, by OSQP's operator splitting."""
-    shape = {"h": _sparsity(h), "a": _sparsity(a)}
+    h, a = ca.DM(sparse.csc_matrix(h)), ca.DM(sparse.csc_matrix(a))
+    shape = {"h": h.sparsity(), "a": a.sparsity()}
     precise = {"eps_abs": 1e-6, "eps_rel": 1e-6, "max_iter": 20000, "verbose": False}
     solver = ca.conic("plan", "osqp", shape, {"error_on_fail": False, "osqp": precise})
     sides = {"lba": -np.inf, "uba": upper, "lbx": -np.inf, "ubx": np.inf}
-    return solver(h=_matrix(h), g=g, a=_matrix(a), **sides)["x"].full().ravel()
+    return solver(h=h, g=g, a=a, **sides)["x"].full().ravel()
 
 
-def _columns(matrix: Any) -> Any:
-    columns = sparse.csc_matrix(matrix)
-    columns.sort_indices()
-    return columns
-
-
-def _sparsity(matrix: Any) -> ca.Sparsity:
-    columns, (rows, width) = _columns(matrix), matrix.shape
-    return ca.Sparsity(rows, width, columns.indptr.tolist(), columns.indices.tolist())
-
-
-def _matrix(matrix: Any) -> ca.DM:
-    return ca.DM(_sparsity(matrix), _columns(matrix).data)
-
-
-def _bands(values: list[float], first: int, shape: tuple[int, int]) -> Any:
-    """Return a matrix with constant values on the diagonals from `first` on."""
-    diagonals: Any = range(first, first + len(values))
-    return sparse.diags(values, diagonals, shape)
-
-
-def _second(count: int) -> Any:
-    """Return second differences; at rest before the first frame and after the last."""
-    matrix = _bands([1.0, -2.0, 1.0], -1, (count, count)).tolil()
-    matrix[0, 0] = matrix[count - 1, count - 1] = -1.0
-    return matrix.tocsr()
-
-
-def _third(count: int) -> Any:
-    return _bands([-1.0, 3.0, -3.0, 1.0], 0, (max(count - 3, 0), count)).tocsr()
+def _first(count: int) -> Any:
+    """Return first differences; the negative square of them is the second differences at rest before the first frame and after the last."""
+    return sparse.eye(count - 1, count, 1) - sparse.eye(count - 1, count)
 
 
 LEAD = 1.5
@@ -255,26 +224,17 @@ def plan_playback(
         how: conditions on the centre of mass.
         drift: of an earlier playback, whose limbs swing as those of this one.
     """
-    ends = [_end_places(ik, clip, t) for t in (0, -1)]
-    stands = [balanced_stand(ik, places, t) for places, t in zip(ends, (0, -1), strict=True)]
+    feet = [_end_places(ik, clip, t) for t in (0, -1)]
+    stands = [balanced_stand(ik, places, t) for places, t in zip(feet, (0, -1), strict=True)]
     timeline = timeline_of(ik, clip, stands, stretch)
     targets = _target_poses(ik, clip, stands, timeline)
-    places = _places(ik, clip, ends, timeline)
+    places = _places(ik, clip, feet, timeline)
     (supports, planes), centre = _supports(timeline, places, clip.ground), ik.centres(targets)
     over = np.array([s.middle for s in supports]) if clip.planted.all() else places.mean(axis=(1, 2))[:, :2]
     lever = (centre[:, 2] - planes.places[:, 2]) / ik.robot.gravity
     plan = plan_centre(over, lever, supports, clip.fps, how, drift and drift.on(timeline))
-    return PlaybackPlan(
-        timeline,
-        targets,
-        places,
-        (stands[0], stands[1]),
-        supports,
-        planes,
-        plan,
-        float(stretch.mean()),
-        clip.stride,
-    )
+    ends, slowdown = (stands[0], stands[1]), float(stretch.mean())
+    return PlaybackPlan(timeline, targets, places, ends, supports, planes, plan, slowdown, clip.stride)
 
 
 def timeline_of(ik: BalancedIk, clip: PlaybackClip, stands: list[Floats], stretch: Floats) -> Timeline:

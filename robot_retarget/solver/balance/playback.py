@@ -213,7 +213,7 @@ class Balanced:
     friction: Floats
     """(K,) friction coefficient that the soles need."""
     legs: str = "follow"
-    """`follow` or `stand`."""
+    """`follow`, `turn` (in place, with the human) or `stand`."""
     mode: str = "static"
     """`static` or `dynamic`."""
     instead: str = ""
@@ -229,9 +229,10 @@ class Balanced:
         """The changes of the clip, a sentence each."""
         slower = f"slowed down {self.slowdown:.2f} times" if self.slowdown > 1.005 else "played at its own pace"
         shorter = f", steps shortened to {self.stride:.2f} of their length" if self.stride < 0.995 else ""
-        feet = ", both feet in place" if self.legs == "stand" else ""
+        feet = {"stand": ", both feet in place", "turn": ", turning in place in small steps"}.get(self.legs, "")
         mode = " dynamically: it cannot halt within a step" if self.mode == "dynamic" else ""
-        why = (f"both feet stay in place: {self.instead}",) if self.instead else ()
+        what = "the robot turns in place" if self.legs == "turn" else "both feet stay in place"
+        why = (f"{what}: {self.instead}",) if self.instead else ()
         return (f"balanced{mode}: {slower}{shorter}{feet}, with a stand before and after", *why)
 
 
@@ -301,17 +302,16 @@ def _with_time_for_weight(
 ) -> tuple[Floats, PlaybackPlan]:
     """Return frame durations (T − 1,) that give every shift of weight its time, and the plan with them."""
     stretch = least_durations(clip.planted, clip.fps, pacing, None if how.static else _sweeps(clip, ik.leg))
-    _require_pace(stretch, slowest)
-    plan = plan_playback(ik, clip, stretch, how)
-    for _ in range(pacing.shifts):
-        late = plan.zmp.excess > pacing.excess
-        if not late.any() or stretch.mean() >= pacing.slowest - 1e-3:
-            break
-        stretch = stretched(stretch, plan.timeline, shift_needs(late, plan.timeline, pacing), pacing)
+    shifts = pacing.shifts
+    while True:
         _require_pace(stretch, slowest)
         plan = plan_playback(ik, clip, stretch, how)
+        late = plan.zmp.excess > pacing.excess
+        if not (shifts and late.any()) or stretch.mean() >= pacing.slowest - 1e-3:
+            return stretch, plan
+        stretch = stretched(stretch, plan.timeline, shift_needs(late, plan.timeline, pacing), pacing)
         count.advance(len(plan.targets))
-    return stretch, plan
+        shifts -= 1
 
 
 def _require_pace(stretch: Floats, slowest: float) -> None:
@@ -340,18 +340,8 @@ def played(ik: BalancedIk, clip: PlaybackClip, plan: PlaybackPlan, count: Count,
     pressed = tread(robot, qpos, timeline.fps, QUICK, plan.planes)
     margin = np.array([p.margin(x) for p, x in zip(plan.supports, pressed.point, strict=True)])
     standing = [spots[down].reshape(-1, 3) for spots, down in zip(plan.places, timeline.planted, strict=True)]
-    return Balanced(
-        tuple(poses),
-        tuple(tracks),
-        timeline,
-        plan.places,
-        plan.zmp,
-        plan.slowdown,
-        plan.stride,
-        pressed.point,
-        margin,
-        pressed.friction(standing),
-    )
+    how, pushed = (plan.places, plan.zmp, plan.slowdown, plan.stride), pressed.friction(standing)
+    return Balanced(tuple(poses), tuple(tracks), timeline, *how, pressed.point, margin, pushed)
 
 
 def _sequential_starts(ik: BalancedIk, plan: PlaybackPlan, clip: ClipProblem, count: Count) -> list[Floats]:
