@@ -529,13 +529,12 @@ def test_a_human_who_turns_around_in_place_is_followed_in_small_steps_without_a_
     waves = rr.read_motion(SAMPLES / "wave.bvh").resample(10).frames(0, 24)
     spin = Rotation.from_euler("z", np.radians(170) * np.clip(np.linspace(-0.3, 1.3, 24), 0, 1)[:, None])
     middle = waves.positions[:1, :1] * [1.0, 1.0, 0.0]
-    turned = [
-        (s * Rotation.from_quat(q, scalar_first=True)).as_quat(scalar_first=True)
-        for s, q in zip(spin, waves.rotations, strict=True)
-    ]
+    assert waves.rotations is not None
+    own = [Rotation.from_quat(joints, scalar_first=True) for joints in waves.rotations]
+    turned = np.array([(turn * joints).as_quat(scalar_first=True) for turn, joints in zip(spin, own, strict=True)])
     places = middle + np.einsum("tij,tkj->tki", spin.as_matrix(), waves.positions - middle)
     robot = rr.load_robot("op3")
-    result = rr.retarget(replace(waves, positions=places, rotations=np.array(turned), whole=None), robot)
+    result = rr.retarget(replace(waves, positions=places, rotations=turned, whole=None), robot)
     found, root = result.balance, Rotation.from_quat(result.trajectory.qpos[:, 3:7], scalar_first=True)
     assert found is not None and found.legs == "follow" and (~found.timeline.planted).any(axis=0).all()
     turn = np.unwrap(root.as_euler("ZYX")[:, 0])

@@ -132,8 +132,8 @@ def test_a_spin_on_both_feet_or_on_one_is_small_turns_of_one_foot_after_the_othe
         planted[22:-22, 1] = False
     steps, placed = turning_steps(planted, corners, OWN, turns, 30.0, most)
     ahead = placed[..., :2, :2].mean(axis=2) - placed[..., 2:, :2].mean(axis=2)
-    assert steps.any(axis=1).all() and steps[:10].all() and steps[-10:].all()
     landings = sorted((stop, foot) for foot in range(2) for _, stop in intervals(~steps[:, foot]))
+    assert steps.any(axis=1).all() and len(landings) < 2 * way / most + 3
     if planted.all():  # the inner foot first
         assert [foot for _, foot in landings] == [(k + right) % 2 for k in range(len(landings))]
     for foot in range(2):

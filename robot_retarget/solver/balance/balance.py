@@ -40,7 +40,7 @@ from robot_retarget.solver.balance.footsteps import (
     without_small_swings,
 )
 from robot_retarget.solver.balance.plan import DYNAMIC, STATIC, PlaybackClip
-from robot_retarget.solver.balance.playback import Balanced, expected_steps, paced
+from robot_retarget.solver.balance.playback import MARGIN, Balanced, expected_steps, paced
 from robot_retarget.solver.solution import Solution
 from robot_retarget.solver.solve import solution_of
 
@@ -82,11 +82,6 @@ def balance_modes(robot: Robot, legs: str, balance: str) -> tuple[str, ...]:
     return modes
 
 
-MARGIN = 0.035
-"""Least distance of the zero moment point from the edge of the support, over the leg: 7.7 mm on the OP3, which falls in
-`test_freebvh_walk` with 5.7 mm [-]."""
-
-
 def in_balance(
     graph: RobotGraph, draft: Solution, legs: str, modes: tuple[str, ...], progress: Progress | None = None
 ) -> tuple[Balanced, RobotGraph, Solution]:
@@ -122,10 +117,10 @@ def in_balance(
         turning = _standing(ik, draft.trajectory.qpos, turning=True)
         if not turning.planted.all() and ik.graph.human.activity.kind != SUPPORTED:
             with suppress(BalanceError):
-                balanced, *rest = _played_as(ik, draft, turning, modes[0], count, Alike(unlike_legs=np.pi))
-                return replace(balanced, legs="turn", instead=reason), *rest
-    balanced, *rest = _played_as(ik, draft, _standing(ik, draft.trajectory.qpos), modes[-1], count)
-    return replace(balanced, legs="stand", instead=reason), *rest
+                balanced, played, solution = _played_as(ik, draft, turning, modes[0], count, Alike(unlike_legs=np.pi))
+                return replace(balanced, legs="turn", instead=reason), played, solution
+    balanced, played, solution = _played_as(ik, draft, _standing(ik, draft.trajectory.qpos), modes[-1], count)
+    return replace(balanced, legs="stand", instead=reason), played, solution
 
 
 def _following(
