@@ -1,4 +1,4 @@
-"""OmniRetarget's archives: `omniretarget`, what its retargeter saves, and `omniretarget-training`."""
+"""OmniRetarget's archives: `omniretarget`, the output of its retargeter, and `omniretarget-training`."""
 
 from pathlib import Path
 

@@ -180,7 +180,7 @@ def columns(robot: Robot) -> list[str]:
 
 
 def quoted(name: str) -> str:
-    """A field as RFC 4180 writes it, with an apostrophe before what a spreadsheet would run as a formula."""
+    """A field as RFC 4180 writes it, with an apostrophe before text that a spreadsheet would evaluate as a formula."""
     name = plain_cell(name)
     return '"' + name.replace('"', '""') + '"' if set(name) & set(',"\n\r') else name
 

@@ -243,7 +243,7 @@ class HumanFeatures:
     """Height of the lowest ankle above the floor while it stands [m]."""
     falls: Floats | None = None
     """(T, 2) in flight, the height of the pelvis over the line from take-off to landing, and that of free fall; 0 elsewhere [m].
-    None where it is not looked at, as in a stream."""
+    None if it is not examined, as in a stream."""
     around: Surroundings | None = None
     """The bodies around, where the human touches them, and the ground under the feet; None without a scene."""
 

@@ -196,7 +196,7 @@ def recognition_with(motion: Motion, table: Mapping[str, Any]) -> Recognition:
     A table that names every keypoint is used even without a recognised body.
 
     Args:
-        table: keypoint → name of a joint, or names whose joints' mean is taken.
+        table: keypoint → name of a joint, or several names, for the mean of their joints.
 
     Raises:
         MatchError: Nothing is recognised and the table lacks a keypoint, or it names an unknown joint.

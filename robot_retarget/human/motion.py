@@ -214,7 +214,7 @@ def part_of(motion: Motion, frames: str | None) -> Motion:
 
 
 def span_of(text: str, count: int, fps: float) -> tuple[int, int]:
-    """The frames `START:STOP` of a clip; each end is a frame (`30`) or a time (`1.5s`); a frame alone is a span of one, a time alone is none.
+    """The frames `START:STOP` of a clip; each end is a frame (`30`) or a time (`1.5s`); a single frame selects itself, and a single time is an error.
 
     Raises:
         UsageError: The text is not of this form.

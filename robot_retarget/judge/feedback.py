@@ -82,7 +82,7 @@ def joints_of_legs(robot: Robot) -> Floats:
 
 
 def planned_air(plant: Plant, trajectory: Trajectory, goals: Goals) -> Floats:
-    """(N, F) 1 where no point of a foot's sole is on the ground at a goal. The robot begins on the floor, wherever the trajectory does."""
+    """(N, F) 1 where no point of a foot's sole is on the ground at a goal. The robot begins on the floor, whatever the height of the trajectory."""
     feet = feet_of(plant.robot)
     places = world_points(plant.robot, feet.soles, sample(trajectory, plant.robot, goals.times))
     height = places[..., 2] - np.maximum(plant.ground.under(places)[0], 0.0)

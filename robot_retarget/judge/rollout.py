@@ -78,8 +78,7 @@ def simulate(
 
     Args:
         trajectory: a result of `retarget`, a trajectory, or its file; its `likeness` is judged where it has one. The report's
-            `trajectory` is the same with the goals that were judged, and its sha256 that of its file (`fingerprint`): save
-            both.
+            `trajectory` also holds the judged goals, and the report has the sha256 of its file (`fingerprint`): save both.
         robot: a robot, or a name or model file that `load_robot` loads; by default the trajectory's.
         mode: `auto` is `free` for a trajectory that was planned in balance, else `pinned`. `pinned` carries the root along
             its path in the air: the limbs feel gravity as the root turns, but not

@@ -143,7 +143,7 @@ class Badge:
     edge: bool = False
     """Whether the zero moment point comes near the edge of the support."""
     standing: bool = True
-    """Whether a robot on its own feet can play what the human does."""
+    """Whether a standing robot can play the human's motion."""
     pace: float | None = None
     """Speed over the human's, each in its own legs [-]; None without steps, and under a policy, which has its own."""
     policy: str = ""

@@ -1,7 +1,7 @@
 """Distances between the links of a robot and the bodies of a scene, and their Jacobians, by MuJoCo.
 
 The bodies are mocap bodies in the robot's model. Spheres around geoms find the pairs that may be near; `mj_geomDistance`
-measures those. A mesh is its convex hull, and a height field has no distance: the height under each sole stands for it.
+measures those. A mesh is its convex hull, and a height field has no distance: the height under each sole replaces it.
 """
 
 from dataclasses import dataclass

@@ -250,7 +250,7 @@ class _Places:
 
 
 def _models(robot: Robot, reach: float) -> tuple[mujoco.MjModel, mujoco.MjModel]:
-    """Return the robot's model without margins, and the same with margins of half the reach [m]; no one changes them.
+    """Return the robot's model without margins, and the same with margins of half the reach [m]; both are read-only.
 
     A robot's models are kept: a copy takes as long as a hundred frames of a stream.
     """

@@ -89,7 +89,7 @@ def rods(spec: mujoco.MjSpec) -> list[mujoco.MjsBody]:
 
 
 def _loops(spec: mujoco.MjSpec, rod: mujoco.MjsBody) -> list[str]:
-    """Return the bodies to which equality constraints join a rod or what it carries."""
+    """Return the bodies that equality constraints join to a rod or to its children."""
     own, joined = {rod.name} | {body.name for body in rod.find_all("body")}, []
     for equality in spec.equalities:
         ends = [equality.name1, equality.name2 or "world"]

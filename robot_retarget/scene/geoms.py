@@ -289,7 +289,7 @@ class SolidGround:
     def footing(self, sole: Floats) -> tuple[Floats, Floats, Floats]:
         """Return points (P, 3) that span the part of a sole on the ground [m], their heights over it (P,) [m] and its normals (P, 3).
 
-        On the floor they are the corners. Elsewhere the sole may be larger than what it stands on.
+        On the floor they are the corners. Elsewhere the sole may be larger than the surface under it.
 
         Args:
             sole: (4, 3) corners [m].

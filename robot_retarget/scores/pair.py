@@ -35,7 +35,7 @@ class Pair:
     robot: Floats
     """(T, K, 3) [m]."""
     contacts: Mapping[str, Bools] = field(default_factory=dict)
-    """The human's contact schedule: per foot (T, 2), whether toe and heel stand; empty where it is not looked at."""
+    """The human's contact schedule: per foot (T, 2), whether toe and heel stand; empty if it is not examined."""
     fps: float = 0.0
     """Frames per second [1/s]; 0 keeps touches of any duration."""
     model: Robot | None = None

@@ -89,7 +89,7 @@ class Judge:
         self.link, self.limits = link, link.map.limits
         self._high_since: float | None = None
         self.heat_known: bool = False
-        """Whether heat is no longer a fault, because the player turned into a stand for it."""
+        """Whether overheating is handled: the player moves into a stand, and heat is no fault any more."""
 
     def judge(self, now: float, capped_for: Floats) -> None:
         """Check everything that can go wrong during playback.

@@ -100,7 +100,7 @@ PHASES = ("approach", "play", "end", "hold", "lean")
 
 
 class Journal:
-    """The rows of a log in an `.npy` file that is whole after each of them: what a killed player leaves.
+    """The rows of a log in an `.npy` file that is valid after every row, also when the player is killed.
 
     Args:
         path: the file, which `close` removes.

@@ -195,7 +195,7 @@ def fast_blocks(raw: bytes, sizes: Sequence[int]) -> Iterator[tuple[int, int, by
 
 
 def answered(frames: bytes) -> bool:
-    """Whether the last of some frames asks for an answer: all do but sync writes."""
+    """Whether the last of some frames requests an answer; only sync writes do not."""
     return not frames or frames[frames.rfind(HEADER) + 7] != Instruction.SYNC_WRITE
 
 

@@ -296,7 +296,7 @@ def _different(names: Sequence[str]) -> list[str]:
 
 
 def _times(tracks: Sequence[Floats], fps: float, most: float) -> Floats:
-    """From the first key to the last [s], evenly, in at most so many frames."""
+    """Evenly spaced times from the first key to the last [s], at most as many as the limit of frames."""
     first, last = min(float(t[0]) for t in tracks), max(float(t[-1]) for t in tracks)
     if not (last - first) * fps < most:
         raise MotionError(f"keys over {last - first:.3g} s, more than {most / fps:.0f} s for a file of this size")

@@ -324,7 +324,7 @@ def apply_override(recognition: Recognition, skeleton: Skeleton, table: Mapping[
 
     Args:
         skeleton: names and tree of the joints.
-        table: keypoint → name of a joint, or names whose joints' mean is taken.
+        table: keypoint → name of a joint, or several names, for the mean of their joints.
 
     Raises:
         MatchError: a keypoint or a joint that is not known.

@@ -80,7 +80,7 @@ class Terminal:
             self._name(link)
 
     def _name(self, link: Path) -> None:
-        """Link a stable name to the port. A lock on it tells other emulators that the name is taken, as long as this one lives."""
+        """Link a stable name to the port. A lock reserves the name while this emulator runs."""
         if link.is_symlink() and _taken(link):
             self.close()
             raise ServoError(f"{link} is the port of another emulator: stop that one, or give another --link")

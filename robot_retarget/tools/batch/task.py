@@ -135,7 +135,7 @@ class Task:
         return Path(self.out) / self.robot_name / f"{self.clip}.npz"
 
     def further(self) -> Iterator[tuple[str, str, Path]]:
-        """Yield the files beside the trajectory: ending of the name (that of a mirror image), format, place."""
+        """Yield the files next to the trajectory: suffix of the name (for a mirror image), format, path."""
         from robot_retarget.formats import FORMATS
 
         for ending in ("", MIRROR) if self.settings.mirror else ("",):

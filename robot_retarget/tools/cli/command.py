@@ -109,7 +109,7 @@ PLAIN = (
     (r"Input should be a valid (integer|number), .*", r"it takes a \1"),
     (r"Input should be (greater|less) than or equal to (\S+)", r"it must be \1 than or equal to \2"),
 )
-"""Messages of a library on values that an option refuses, and what is said instead."""
+"""Messages of a library about refused values of options, and their replacements."""
 
 
 class Interruptible(TyperGroup):

@@ -122,7 +122,7 @@ def _replace(filled: Filled) -> bool:
 
 
 def _put(complete: Path, place: Path) -> None:
-    """Move a complete folder's files to their place; whatever part of it is done already, the end is the same."""
+    """Move a complete folder's files to their place; idempotent, so an interrupted move can be repeated."""
     if (complete / WANTED).exists():  # it goes last
         names = (complete / WANTED).read_text(encoding="utf-8").split("\n")
         for name in set(RESULTS) - set(names):

@@ -180,14 +180,14 @@ def _heard_at(source: "FrameSource") -> str:
 
 
 def _reachable(host: str) -> str:
-    """Return the address of this machine in its network, in place of one that stands for all of its addresses."""
+    """Return the address of this machine in its network, in place of the wildcard address."""
     import socket
 
     if host not in ("0.0.0.0", "::"):
         return host
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
-            probe.connect(("192.0.2.1", 9))  # nothing is sent; the system chooses the way out
+            probe.connect(("192.0.2.1", 9))  # sends no packet; the system chooses the interface
             return str(probe.getsockname()[0])
         except OSError:
             return host

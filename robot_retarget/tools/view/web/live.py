@@ -45,7 +45,7 @@ class LiveRobot:
         Args:
             robot: it.
             scene: the bodies around it.
-            facts: what a page says of the stream.
+            facts: figures of the stream for the page.
             takes: the folder of recorded takes.
         """
         self._robot, self._shapes, self._facts, self._folder = robot, shapes_of(robot), facts, takes

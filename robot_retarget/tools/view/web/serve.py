@@ -52,7 +52,7 @@ class Served:
 
     server: ThreadingHTTPServer
     token: str
-    """A secret of its address, without which nothing is answered."""
+    """A token in its address; requests without it get no answer."""
 
     @property
     def address(self) -> str:

@@ -1,4 +1,4 @@
-"""What is seen of a robot and of the bodies around it: geoms, and meshes with few enough triangles for a page."""
+"""Visible shapes of a robot and of the bodies around it: geoms, and meshes reduced to the triangles that a page can show."""
 
 from dataclasses import dataclass
 from typing import Any
