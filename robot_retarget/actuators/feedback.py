@@ -94,14 +94,14 @@ class Feedback:
     lean: Floats
     """(n, 2) change of the joints per roll and pitch of the root body over standing feet [-]; zeros without feet."""
     legs: Floats
-    """(n, F) 1 for the joints of each leg."""
+    """(n, L) 1 for the joints of each leg."""
     air: Floats
-    """(N, F) 1 where a foot is planned in the air."""
+    """(N, L) 1 where a foot is planned in the air."""
 
     def __post_init__(self) -> None:
         for name in SHAPES:
             object.__setattr__(self, name, frozen(getattr(self, name)))
-        sizes = {"n": len(self.lower), "N": len(self.reference), "F": self.air.shape[-1]}
+        sizes = {"n": len(self.lower), "N": len(self.reference), "L": self.air.shape[-1]}
         for name, letters in SHAPES.items():
             value, shape = getattr(self, name), tuple(sizes.get(str(size), size) for size in letters)
             if value.shape != shape or not np.isfinite(value).all():
@@ -119,9 +119,9 @@ class Feedback:
 
 SHAPES: dict[str, tuple[int | str, ...]] = {
     "rate": ("n", 2), "tilt": ("n", 2), "lower": ("n",), "upper": ("n",), "crouch": ("n",), "lean": ("n", 2),
-    "legs": ("n", "F"), "reference": ("N", 4), "air": ("N", "F"), "stop": (2,),
+    "legs": ("n", "L"), "reference": ("N", 4), "air": ("N", "L"), "stop": (2,),
 }  # fmt: skip
-"""Shapes of the arrays: N goals of n joints, F feet."""
+"""Shapes of the arrays: N goals of n joints, L legs; the fields of a trajectory file share these letters."""
 FIELDS = {
     PREFIX + field.name: Field("number", SHAPES.get(field.name, ()), required=False) for field in fields(Feedback)
 }

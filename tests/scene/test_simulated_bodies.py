@@ -1,6 +1,7 @@
 """Bodies in simulation: carried along their path, or free and held by friction; a dropped one fails the verdict."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,6 +9,9 @@ import pytest
 import robot_retarget as rr
 from robot_retarget.base.choices import Stand
 from robot_retarget.base.errors import SceneError, UsageError
+from robot_retarget.judge.feedback import with_feedback
+from robot_retarget.judge.playback import plain_goals
+from robot_retarget.judge.rollout import plant_of
 from robot_retarget.scene.scene import FIELDS, OPTIONAL, RigidBody, Scene, arrays_of, scene_from
 from robot_retarget.scene.shape import ShapeKind, height_field, mesh, solid
 from robot_retarget.trajectory import load_trajectory
@@ -67,9 +71,14 @@ def every_shape() -> Scene:
     )
 
 
-def test_a_scene_survives_the_trajectory_file(tmp_path) -> None:
+@pytest.mark.parametrize("judged", [False, True])
+def test_a_scene_survives_the_trajectory_file(judged: bool, tmp_path: Path) -> None:
+    """Also beside judged goals with feedback, whose arrays have sizes of their own."""
     scene, file = every_shape(), tmp_path / "t.npz"
-    replace(STAND, scene=scene).save(file)
+    plant = plant_of(OP3, "free")
+    goals = with_feedback(plant, STAND, plain_goals(plant, STAND, None))
+    assert goals.feedback is not None
+    replace(STAND, scene=scene, goals=goals if judged else None).save(file)
     found = load_trajectory(file).scene
     assert found is not None and found.names == scene.names
     for before, after in zip(scene.bodies, found.bodies, strict=True):

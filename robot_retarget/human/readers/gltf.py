@@ -247,11 +247,12 @@ def _animated(file: GltfFile, request: Request) -> Capture:
     nodes = Nodes.of(file)
     keys = nodes.keys(animations[which], f"animations[{which}]")
     joints, kind = _joints(file, keys)
-    fps, rate_notes = request.rate()
+    fps, _ = request.rate()
+    sampled = f"Sampled at {fps:g} frames per second from the times of its keys."
     most = LIMITS.unpacked(path) / (FRAME * max(len(joints), 1))
     times = _times([track.times for track in keys.values()], fps, most)
     skeleton, positions, rotations = _posed(nodes, keys, joints, times)
-    return Capture(skeleton, positions, rotations, fps, str(path), (*kind, *notes, *rate_notes), up="+y")
+    return Capture(skeleton, positions, rotations, fps, str(path), (*kind, *notes, sampled), up="+y")
 
 
 def _posed(

@@ -92,6 +92,7 @@ def test_a_clip_of_many_is_chosen_by_name_and_the_others_are_told():
     assert not any("of 76 motions" in note for note in walk.notes)
     first = gltf.read(path, Request())
     assert any("The first of 76 motions was read" in note and "#" in note for note in first.notes)
+    assert "Sampled at 30 frames per second from the times of its keys." in first.notes
     with pytest.raises(MotionError, match=r"holds no motion 'Moonwalk'; known: .*Walking_A"):
         read_motion(f"{path}#Moonwalk")
     feet = [walk.skeleton.names.index(name) for name in ("foot.l", "foot.r")]
