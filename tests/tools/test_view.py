@@ -18,7 +18,7 @@ from robot_retarget.tools.view.draw import Sketch
 from robot_retarget.tools.view.film import GAP, Film, strip, video
 from robot_retarget.tools.view.picture import Picture, Unavailable
 from robot_retarget.tools.view.render import TILE, open_context, open_stage
-from robot_retarget.tools.view.staging import FIGURE, arrange, geom_corners, stick_figure, visible
+from robot_retarget.tools.view.staging import FIGURE, arrange, geom_corners, height_of, stick_figure, visible
 from robot_retarget.trajectory import Trajectory
 
 OP3 = load_robot("op3")
@@ -113,12 +113,16 @@ def test_both_bodies_are_inside_the_picture_also_when_they_lie(lying: bool) -> N
         assert (pixels >= 0).all() and (pixels <= [2 * width, 2 * height]).all()
 
 
-def test_a_robot_without_any_geom_is_shown_by_its_links(tmp_path, monkeypatch):
+@pytest.mark.parametrize("feet", [False, True])
+def test_a_robot_without_geoms_or_with_those_of_its_feet_alone_is_shown_by_its_links(feet, tmp_path, monkeypatch):
     spec = OP3.spec()
-    for element in [*spec.geoms, *spec.meshes, *spec.sensors, *spec.keys, *spec.excludes]:
+    kept = [geom for geom in spec.geoms if feet and "ank_roll" in geom.parent.name and not geom.meshname]
+    lost = [geom for geom in spec.geoms if geom not in kept]
+    for element in [*lost, *spec.meshes, *spec.sensors, *spec.keys, *spec.excludes]:
         spec.delete(element)
     robot = robot_of(spec.to_xml(), tmp_path / "bare.xml")
-    assert not visible(robot.model).size
+    assert (visible(robot.model).size > 0) == feet
+    assert height_of(robot) == pytest.approx(height_of(OP3), rel=0.2)
     turned = robot.standing()
     turned[robot.qpos_index] += 0.8
     moving = Trajectory(np.stack([robot.standing(), turned]), 1.0, robot.joint_names, robot.name)

@@ -185,17 +185,16 @@ def _distance(points: Floats, azimuth: float, aspect: float) -> float:
 
 
 def linked(model: mujoco.MjModel) -> Ints:
-    """Return the bodies that are joined to their parents by a line, for a robot without visible geoms; else none."""
-    bodies = np.arange(2, model.nbody) if not visible(model).size else np.zeros(0, int)
+    """Return the bodies that are joined to their parents by a line: all of a robot most of whose moving bodies have no visible geom."""
+    moving, seen = model.body_jntnum > 0, np.isin(np.arange(model.nbody), model.geom_bodyid[visible(model)])
+    bodies = np.arange(2, model.nbody) if 2 * (moving & seen).sum() < moving.sum() else np.zeros(0, int)
     return bodies[model.body_parentid[bodies] > 0]
 
 
 def links_of(robot: Robot, qpos: Floats) -> Floats:
     """Return (F, L, 2, 3) the lines from the origin of each linked body's parent to its own [m]."""
-    model = robot.model
-    bodies = linked(model)
-    places = body_frames(robot, qpos)[0]
-    return np.stack([places[:, model.body_parentid[bodies]], places[:, bodies]], axis=2)
+    bodies, places = linked(robot.model), body_frames(robot, qpos)[0]
+    return np.stack([places[:, robot.model.body_parentid[bodies]], places[:, bodies]], axis=2)
 
 
 def height_of(robot: Robot) -> float:
@@ -204,10 +203,9 @@ def height_of(robot: Robot) -> float:
 
 
 def body_points(robot: Robot, qpos: Floats) -> Floats:
-    """Return (F, P, 3) the points that the robot reaches: corners of its visible geoms, or origins of its bodies [m]."""
-    if not visible(robot.model).size:
-        return body_frames(robot, qpos)[0][:, 1:]
-    return geom_corners(robot, qpos).reshape(len(qpos), -1, 3)
+    """Return (F, P, 3) the points that the robot reaches: corners of its visible geoms, and origins of linked bodies [m]."""
+    places = body_frames(robot, qpos)[0][:, 1 if linked(robot.model).size else robot.model.nbody :]
+    return np.concatenate([geom_corners(robot, qpos).reshape(len(qpos), -1, 3), places], axis=1)
 
 
 def _checked(human: Floats | None, bones: Ints | None) -> tuple[Floats, Ints]:
