@@ -133,8 +133,8 @@ LEAK = 1e-3
 """Rate at which the offset follows a growing delay [s/s]: ten times the 1e-4 by which quartz clocks drift."""
 
 LEAST = 1e-3
-"""Shortest time between two frames, for frames that arrive together [s]: a tracker of 1000 frames a second is none of
-motion."""
+"""Shortest time between two frames, for frames that arrive together [s]: no tracker of human motion sends 1000 frames a
+second."""
 
 
 class SenderClock:

@@ -17,8 +17,8 @@ from robot_retarget.live.frame import Fault, FaultCounter, Frame, RefusedError
 NEWEST = 16_384
 """Bytes of the latest datagrams that are read when more wait [B]: two frames with all bones and a face."""
 AT_ONCE = 4096
-"""Largest number of datagrams read at once, 3600 of which are a second of 60 bones in packets of their own at 60 frames
-a second; a flood does not delay the robot."""
+"""Largest number of datagrams read at once, so that a flood does not delay the robot; 60 bones in a packet each at 60 frames
+a second make 3600."""
 CHUNK = 65536
 """Bytes of one read; no datagram is longer."""
 BUFFER = 1 << 18

@@ -161,7 +161,7 @@ def load_robot(name: str | Path, limits: str | Path | None = None, servos: str |
 
 
 def as_robot(robot: Robot | str | Path) -> Robot:
-    """Return a robot as it is, or the one of a name or model file (`load_robot`)."""
+    """Return a given robot, or load the one of a name or model file (`load_robot`)."""
     return robot if isinstance(robot, Robot) else load_robot(robot)
 
 

@@ -181,7 +181,7 @@ class Separation:
         return self.floor.depth(here.placed)
 
     def _ready(self, threads: int) -> int:
-        """Return the number of threads, each with data of its own."""
+        """Return the number of threads; each has its own data."""
         self.places += [_Places(self.model, self.plain) for _ in range(len(self.places), threads)]
         return threads
 

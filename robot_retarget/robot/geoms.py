@@ -1,4 +1,4 @@
-"""Which geoms of a robot collide, where they are in N configurations, and where boxes and the floor are near."""
+"""Colliding geoms of a robot: their poses in N configurations, and those near boxes and the floor."""
 
 import copy
 import itertools

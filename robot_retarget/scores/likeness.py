@@ -390,7 +390,7 @@ def unlikeness(figures: Mapping[str, Any], most: Alike) -> tuple[str, ...]:
 
 
 def compared_figures(figures: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the figures with those that checks read: angles as text, and beyond the ranges' share, 0 where it is unknown."""
+    """Return the figures with two for each part: the angle as text, and the angle beyond the ranges' share (0 if the share is unknown)."""
     found = dict(figures)
     for part in PARTS:
         angle = found.get(f"limb_rad_{part}")

@@ -21,7 +21,7 @@ servos: typer.Typer = typer.Typer(
 app.add_typer(servos, name="servos")
 
 UNITS = {
-    "damping": "N m s/rad besides the back-EMF",
+    "damping": "N m s/rad in addition to the back-EMF",
     "friction": "N m",
     "armature": "kg m²",
     "gain": "of the datasheet's",
