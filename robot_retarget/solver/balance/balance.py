@@ -140,7 +140,7 @@ def _following(
     else:
         shorter = {share: _stepping(ik, draft.trajectory.qpos, share) for share in (0.75, 0.5)}
         steps = {"dynamic": (planned, *shorter.values()), "static": (shorter[0.5],)}
-        attempts = [(mode, clip) for mode in modes for clip in steps[mode]]
+        attempts = [(mode, clip) for mode in (modes[:1] if most else modes) for clip in steps[mode]]
     for mode, clip in attempts[:-1]:
         with suppress(BalanceError):
             return _played_as(ik, draft, clip, mode, count, Alike())
