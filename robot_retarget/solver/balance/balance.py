@@ -39,7 +39,7 @@ from robot_retarget.solver.balance.footsteps import (
     turning_steps,
     without_small_swings,
 )
-from robot_retarget.solver.balance.plan import DYNAMIC, STATIC, PlaybackClip
+from robot_retarget.solver.balance.plan import DYNAMIC, STATIC, SWEEPS, PlaybackClip
 from robot_retarget.solver.balance.playback import MARGIN, Balanced, expected_steps, paced
 from robot_retarget.solver.solution import Solution
 from robot_retarget.solver.solve import solution_of
@@ -116,9 +116,11 @@ def in_balance(
             reason = str(error).split(": a robot that stands free")[0]
         turning = _standing(ik, draft.trajectory.qpos, turning=True)
         if not turning.planted.all() and ik.graph.human.activity.kind != SUPPORTED:
-            with suppress(BalanceError):
-                balanced, played, solution = _played_as(ik, draft, turning, modes[0], count, Alike(unlike_legs=np.pi))
-                return replace(balanced, legs="turn", instead=reason), played, solution
+            most = Alike(unlike_legs=np.pi)
+            for clip in (replace(turning, sweep=sweep) for sweep in SWEEPS):
+                with suppress(BalanceError):
+                    balanced, played, solution = _played_as(ik, draft, clip, modes[0], count, most)
+                    return replace(balanced, legs="turn", instead=reason), played, solution
     balanced, played, solution = _played_as(ik, draft, _standing(ik, draft.trajectory.qpos), modes[-1], count)
     return replace(balanced, legs="stand", instead=reason), played, solution
 
@@ -139,19 +141,13 @@ def _following(
         attempts = [(mode, planned) for mode in reversed(modes)]
     else:
         shorter = {share: _stepping(ik, draft.trajectory.qpos, share) for share in (0.75, 0.5)}
-        steps = {"dynamic": (planned, *shorter.values()), "static": (shorter[0.5],)}
+        quick = (replace(clip, sweep=sweep) for clip in (planned, *shorter.values()) for sweep in SWEEPS)
+        steps = {"dynamic": tuple(quick), "static": (shorter[0.5],)}
         attempts = [(mode, clip) for mode in (modes[:1] if most else modes) for clip in steps[mode]]
     for mode, clip in attempts[:-1]:
         with suppress(BalanceError):
             return _played_as(ik, draft, clip, mode, count, Alike())
     return _played_as(ik, draft, attempts[-1][1], attempts[-1][0], count, most)
-
-
-def _require_margin(found: Balanced, least: float) -> None:
-    """Raises: BalanceError: the zero moment point comes nearer to the edge of the support [m]."""
-    worst = int(found.margin.argmin())
-    if found.margin[worst] < least:
-        raise BalanceError(f"stepping would tip the robot over at {worst / found.timeline.fps:.1f} s of the playback")
 
 
 def _require_alike(graph: RobotGraph, qpos: Floats, frames: np.ndarray, most: Alike) -> None:
@@ -177,7 +173,9 @@ def _played_as(
     motion = at_frames(clip.graph.motion, found.timeline.at, ik.graph.fps)
     played = replace(clip.graph.at(frames), motion=motion, tracks=found.tracks)
     if most:
-        _require_margin(found, MARGIN * ik.leg)
+        if found.margin.min() < MARGIN * ik.leg:
+            tips = found.margin.argmin() / found.timeline.fps
+            raise BalanceError(f"stepping would tip the robot over at {tips:.1f} s of the playback")
         _require_alike(played, found.qpos, found.timeline.share >= 1, most)
     solution = solution_of(ik.solver, played, list(found.poses), draft.timings)
     times = np.interp(found.timeline.at, np.arange(len(ik.graph)), draft.trajectory.source_time)

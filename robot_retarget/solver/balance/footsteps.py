@@ -110,7 +110,8 @@ def without_small_swings(
                 kept[start:stop, foot] = True
             else:
                 stood = min(stop, len(planted) - 1)
-    _hand_over(kept)
+    switch = np.flatnonzero(~(kept[:-1] & kept[1:]).any(axis=1))  # both feet are down where one takes over
+    kept[switch] = kept[switch + 1] = kept[switch] | kept[switch + 1]
     return kept
 
 
@@ -135,13 +136,6 @@ def _refuse_flight(lowest: Floats, fps: float, rule: StepRule) -> None:
                 f"no foot is on the floor from {start / fps:.1f} to {stop / fps:.1f} s: a robot that stands free cannot "
                 "play that; keep both feet on the floor (legs 'stand'), or do without balance (balance 'off')"
             )
-
-
-def _hand_over(planted: np.ndarray) -> None:
-    """Put both feet down at two adjacent frames that stand on different feet."""
-    switch = np.flatnonzero(~(planted[:-1] & planted[1:]).any(axis=1))
-    both = planted[switch] | planted[switch + 1]
-    planted[switch], planted[switch + 1] = both, both
 
 
 # Turns in small steps: where a human spins on the ball of a foot, flat soles step around, beside each other as in the robot's own stand.
@@ -233,7 +227,7 @@ def _shifts(planted: np.ndarray, middle: np.ndarray, places: np.ndarray, reach: 
     moved = np.zeros_like(middle)
     stances = sorted((start, foot, stop) for foot in range(2) for start, stop in intervals(planted[:, foot]))
     for start, foot, stop in stances[1:]:
-        other = _stance(planted[:, 1 - foot], start)
+        other = next(slice(*span) for span in intervals(planted[:, 1 - foot]) if span[0] <= start <= span[1])
         apart = _median(middle[start:stop, foot]) - _median(middle[other, 1 - foot])
         beyond = _beyond(apart - places[start, foot], reach)
         moved[start:stop, foot] = moved[other.start, 1 - foot] - beyond
@@ -262,11 +256,6 @@ def total_step_length(planted: np.ndarray, corners: Floats) -> float:
         stances = [np.median(middle[start:stop, foot], axis=0) for start, stop in intervals(planted[:, foot])]
         total += float(np.linalg.norm(np.diff(stances, axis=0), axis=1).sum()) if len(stances) > 1 else 0.0
     return total
-
-
-def _stance(planted: np.ndarray, frame: int) -> slice:
-    """Return the stance of a foot at a frame or the one before it."""
-    return next(slice(*span) for span in intervals(planted) if span[0] <= frame <= span[1])
 
 
 def _complex(flat: Floats) -> np.ndarray:

@@ -131,8 +131,14 @@ LEAD = 1.5
 LEAD_SPEED = 1.2
 """Peak joint speed on the transition [rad/s]. Half and double change the limbs of the sample walk by less than 0.01°."""
 ARC = 0.1
-"""Least height of a swing foot's arc, over the leg length. Measured at a `SWEEP` of 1.3 in the sample walk at 2.1 times its
+"""Least height of a swing foot's arc, over the leg length. Measured at a sweep of 1.3 in the sample walk at 2.1 times its
 speed: with 0.13 the OP3 falls as with 0.1, with 0.16 it stays up with steps of 0.77 of the human's."""
+
+
+SWEEPS = (1.3, 1.6)
+"""Least durations of a swing over that of a leg at its usable speed [-]: the first one is kept only if the playback then needs no more time. With
+1.3 alone the OP3 takes 0.37 instead of 0.55 of the human's steps in `soma30_walk_then_sneak`, and its hips and knees ask for 1.5 of the torque–speed
+line in `test_freebvh_walk`."""
 
 
 @dataclass(frozen=True)
@@ -184,6 +190,8 @@ class PlaybackClip:
     """Scale of the path along the floor."""
     swing: float = 0.8
     """Least duration of a swing [s], by default that of static balance, as in `Pacing`."""
+    sweep: float = SWEEPS[-1]
+    """Which of `SWEEPS` it has in dynamic balance [-]."""
     ground: SolidGround = field(default_factory=SolidGround)
     """Under the feet."""
 
@@ -205,11 +213,6 @@ class PlaybackPlan:
     zmp: ZmpPlan
     slowdown: float
     stride: float
-
-    @property
-    def reach(self) -> Floats:
-        """(K,) distance from the middle of each support to its nearest edge [m]."""
-        return np.array([p.margin(p.middle) for p in self.supports])
 
 
 def plan_playback(

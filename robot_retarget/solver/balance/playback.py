@@ -17,6 +17,7 @@ from robot_retarget.robot.timing import sample
 from robot_retarget.solver.balance.balanced_ik import BalancedIk
 from robot_retarget.solver.balance.footsteps import REACH
 from robot_retarget.solver.balance.plan import (
+    SWEEPS,
     Drift,
     PlaybackClip,
     PlaybackPlan,
@@ -70,7 +71,7 @@ class Pacing:
     playback of the rounds that needs least: `02_01_walk` and `bn_walk` take 3 % longer on the OP3, and fall in none of four drawn worlds either way."""
     burst: float = 1.3
     """Loads may need so many times more for a moment: the OP3's knees do at the ends of a swing in walks that stay up in soft worlds.
-    Measured with 1 and a `SWEEP` of 1.3: the sample walk at 2.1 times its speed takes 2.4 instead of 1.5 times the human's time."""
+    Measured with 1 and a sweep of 1.3: the sample walk at 2.1 times its speed takes 2.4 instead of 1.5 times the human's time."""
     most: float = 1.5
     """Largest factor on any frame per round."""
     blend: float = 0.07
@@ -179,12 +180,8 @@ MARGIN = 0.035
 QUICK = 0.04
 """Servos do not follow faster changes [s]: the zero moment point is computed from a motion smoothed over this time.
 Half and double change the legs of the sample walk by 0.1° and its margin by 1.2 mm at most."""
-SWEEP = 1.6
-"""Least duration of a swing over that of a leg at its usable speed [-]: measured with 1.3, the OP3 falls in the
-sample walk at 2.1 times its speed: hips and knees of a swing ask for up to 1.28 of the torque–speed line, a lagging knee and a body that rolls by 2–3°
-lower the foot by 10 of 20 mm, and it lands early."""
 SHORT = 0.6
-"""Least duration of a swing over that of the longest step: lifting a foot takes time too [-]. Measured at a `SWEEP` of 1.3: the
+"""Least duration of a swing over that of the longest step: lifting a foot takes time too [-]. Measured at a sweep of 1.3: the
 sample walk at 2.1 times its speed falls with 0.8 and 0.9 as well."""
 IN_TURN = 3
 """Planting frame by frame takes about as long as this number of passes over all frames; the progress counts it as
@@ -255,16 +252,16 @@ def paced(ik: BalancedIk, clip: PlaybackClip, how: Steadiness, count: Count, slo
         slowest: largest duration over the human's [-].
 
     Raises:
-        BalanceError: it needs more than `slowest` times the human's time.
+        BalanceError: it needs more than `slowest` times the human's time, or, unless its `sweep` is the slowest, more than the rounds find.
     """
     # In dynamic balance, momentum carries the weight over.
-    chosen = Pacing() if how.static else Pacing(swing=swing_time(ik), transfer=0.0)
+    chosen = Pacing() if how.static else Pacing(swing=swing_time(ik, clip.sweep), transfer=0.0)
     clip = replace(clip, swing=chosen.swing)
     stretch, plan = _with_time_for_weight(ik, clip, how, chosen, slowest, count)
     found = played(ik, clip, plan, count)
     for number in range(chosen.rounds):
         loads = joint_torques(ik.robot, found.qpos, clip.fps, ik.soles, QUICK, clip.ground)
-        inside = found.margin / plan.reach
+        inside = found.margin / [p.margin(p.middle) for p in plan.supports]
         needs = motion_needs(ik.robot, found.qpos, loads, inside, found.friction, clip.fps, chosen)
         enough = needs.max() <= chosen.slack and found.margin.min() >= MARGIN * ik.leg
         if (enough and (how.static or number)) or stretch.mean() >= chosen.slowest - 1e-3:
@@ -276,18 +273,21 @@ def paced(ik: BalancedIk, clip: PlaybackClip, how: Steadiness, count: Count, slo
         # Limbs shift the zero moment point: the second plan makes up for it (Kajita et al., preview control of the zero moment point, 2003).
         plan = plan_playback(ik, clip, stretch, how, Drift(found.timeline, found.zmp - found.plan.pendulum))
         found = played(ik, clip, plan, count, near=True)
+    else:
+        if clip.sweep < SWEEPS[-1]:
+            raise BalanceError("steps so quick ask more of the servos than they have")
     return found
 
 
-def swing_time(ik: BalancedIk) -> float:
+def swing_time(ik: BalancedIk, sweep: float = SWEEPS[-1]) -> float:
     """Return the least duration of a swing in dynamic balance [s]: a leg sweeps a step of the largest length,
 
-        T = SWEEP · 1.875 · 2 asin(REACH / 2) / (usable speed)
+        T = sweep · 1.875 · 2 asin(REACH / 2) / (usable speed)
 
     with minimum jerk, within the usable speed of its slowest joint.
     """
     speed = ik.options.speed * ik.robot.max_speed[ik.leg_dofs[ik.robot.dof_index]].min()
-    return float(SWEEP * JERK_PEAK * 2 * np.arcsin(REACH / 2) / speed)
+    return float(sweep * JERK_PEAK * 2 * np.arcsin(REACH / 2) / speed)
 
 
 def _sweeps(clip: PlaybackClip, leg: float) -> Floats:
