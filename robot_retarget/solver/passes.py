@@ -1,7 +1,7 @@
 """The passes over a clip: frames that step towards a smooth path, and the path through the frames, in turns."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -270,7 +270,7 @@ def _separated(clip: ClipProblem, poses: list[FrameSolution], proximal: Proximal
 
     If links interpenetrate between two frames, both are solved again with separation rows on the way between them, and taken
     if their links overlap less. A frame whose links still interpenetrate moves back towards
-    the frame before.
+    the frame before, and the frames after it catch up at the largest speeds, through links where no way is clear.
     """
     solver = clip.solver
     frames = None
@@ -280,7 +280,15 @@ def _separated(clip: ClipProblem, poses: list[FrameSolution], proximal: Proximal
         if not frames.size:
             break
         poses = _solved_again(clip, poses, frames, proximal, between)
-    overlapping = np.flatnonzero(solver.costs.overlap(_qpos(poses)) > solver.options.overlap)
-    for t in overlapping[overlapping >= max(clip.fixed, 1)].tolist():
-        poses[t] = solver.backtrack_to_clearance(poses[t - 1].qpos, poses[t])
+    overlapping, behind = solver.costs.overlap(_qpos(poses)) > solver.options.overlap, False
+    robot, reach = solver.robot, clip.bounds.speed / clip.fps
+    for t in range(max(clip.fixed, 1), len(poses)):
+        before, late = poses[t - 1].qpos, poses[t]
+        way = difference(robot, before, late.qpos)
+        share = float((reach[t] / np.maximum(np.abs(way[robot.dof_index]), reach[t])).min())
+        behind = overlapping[t] or (behind and share < 1 - 1e-9)
+        if behind:
+            late = replace(late, qpos=integrate(robot, before, share * way))
+            clear = solver.backtrack_to_clearance(before, late)
+            poses[t] = late if (clear.qpos == before).all() and not overlapping[t] else clear
     return poses

@@ -6,6 +6,7 @@ import pytest
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.base.files import SAMPLES
+from robot_retarget.base.progress import Count
 from robot_retarget.graph.describe import describe
 from robot_retarget.graph.rows import ClipRows
 from robot_retarget.graph.track import Status
@@ -14,9 +15,12 @@ from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.distances import Separation
 from robot_retarget.robot.kinematics import carrying, difference, integrate
+from robot_retarget.solver import passes
 from robot_retarget.solver.descent import FrameSolution
 from robot_retarget.solver.limits import targets_of
 from robot_retarget.solver.near_links import foremost, tightest_rows
+from robot_retarget.solver.options import Smoothing
+from robot_retarget.solver.passes import Passes, clip_of
 from robot_retarget.solver.pipeline import retarget
 from robot_retarget.solver.problem import build_problem
 from robot_retarget.solver.solve import solve_graph
@@ -112,6 +116,32 @@ def test_a_pose_held_back_is_apart_and_on_the_way() -> None:
     assert np.linalg.norm(way - (share := way @ whole / (whole @ whole)) * whole) < 1e-9 and 0 <= share < 1
     apart = FrameSolution(robot.standing(), Status.CONVERGED, 0.0, 1)
     assert solver.backtrack_to_clearance(crossed, apart) is apart
+
+
+@pytest.mark.parametrize("inside", [1, 4])
+def test_a_robot_whose_links_were_held_apart_catches_up_within_its_joint_speeds(
+    inside: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Arms that go through each other for some frames while the head turns, without a search for a way around."""
+    graph = describe(read_motion(SAMPLES / "clap.bvh").frames(0, 40), load_robot("op3"), fps=15)
+    robot, crossed = graph.robot, crossed_arms()[1]
+    solver = FrameSolver(build_problem(robot, graph.match, graph.tracks))
+    way = np.interp(np.arange(len(graph)), [3, 7, 7 + inside, 11 + inside], [0.0, 1.0, 1.0, 0.0])
+    start = np.array(
+        [integrate(robot, robot.standing(), s * difference(robot, robot.standing(), crossed)) for s in way]
+    )
+    start[:, robot.qpos_index[robot.joint_names.index("head_pan")]] = np.interp(
+        np.arange(len(graph)), [3, 15], [-1.4, 1.4]
+    )
+    clip = clip_of(solver, graph.tracks, Smoothing(passes=0, extra=0), 15.0)
+    monkeypatch.setattr(passes, "ROUNDS", 0)
+    found = Passes(clip, start)
+    given, poses = found.qpos[:, robot.qpos_index].copy(), found.finish(Count(None, 1))
+    turned = np.array([pose.qpos for pose in poses])[:, robot.qpos_index]
+    assert any(pose.status is Status.BLOCKED for pose in poses) and np.abs(turned - given).max() > 0.1
+    assert (np.abs(np.diff(turned, axis=0)) * 15 <= clip.bounds.speed[1:] * (1 + 1e-9)).all()
+    assert not solver.costs.overlap(np.array([pose.qpos for pose in poses])).max() > solver.options.overlap
+    np.testing.assert_allclose(turned[-1], given[-1], atol=1e-6)
 
 
 def deepest(separated: bool) -> float:

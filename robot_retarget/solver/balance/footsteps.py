@@ -104,22 +104,15 @@ def without_small_swings(
     for foot in range(planted.shape[1]):
         stood = 0
         for start, stop in intervals(~planted[:, foot]):
-            away, higher = _moved(corners[:, foot], stood + 1, stop)
-            rises = not level and higher > chosen.height * leg
-            if low[start:stop, foot].max() < chosen.lift * leg and away < chosen.travel * leg and not rises:
+            way = corners[min(stop, len(planted) - 1), foot] - corners[stood, foot]
+            away, rises = np.linalg.norm(way[:, :2], axis=1).max(), abs(way[:, 2].mean()) > chosen.height * leg
+            if low[start:stop, foot].max() < chosen.lift * leg and away < chosen.travel * leg and (level or not rises):
                 kept[start:stop, foot] = True
             else:
                 stood = min(stop, len(planted) - 1)
     switch = np.flatnonzero(~(kept[:-1] & kept[1:]).any(axis=1))  # both feet are down where one takes over
     kept[switch] = kept[switch + 1] = kept[switch] | kept[switch + 1]
     return kept
-
-
-def _moved(corners: Floats, start: int, stop: int) -> tuple[float, float]:
-    """Return the largest corner displacement of a foot (T, 4, 3) along the floor, and that of its middle up or down, from the frame before `start` to `stop` [m]."""
-    before, after = max(start - 1, 0), min(stop, len(corners) - 1)
-    way = corners[after] - corners[before]
-    return float(np.linalg.norm(way[:, :2], axis=1).max()), abs(float(way[:, 2].mean()))
 
 
 def _speed(corners: Floats, fps: float) -> Floats:

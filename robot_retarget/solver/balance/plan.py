@@ -329,13 +329,9 @@ def _supports(timeline: Timeline, places: Floats, ground: SolidGround) -> tuple[
     for planted, corners in zip(timeline.planted, places, strict=True):
         key = corners[planted].tobytes()
         if key not in known:
-            known[key] = _support(corners[planted], ground)
+            footing = zip(*(ground.footing(sole) for sole in corners[planted]), strict=True)
+            points, _, normals = (np.concatenate(part) for part in footing)
+            known[key] = support(points), level_planes(1) if ground.level else planes_through([points], [normals])
         found.append(known[key])
     supports, planes = zip(*found, strict=True)
     return list(supports), joined(planes)
-
-
-def _support(soles: Floats, ground: SolidGround) -> tuple[Polygon, Planes]:
-    """Return the hull of soles (S, 4, 3) that stand, and the plane through them."""
-    points, _, normals = (np.concatenate(part) for part in zip(*(ground.footing(sole) for sole in soles), strict=True))
-    return support(points), level_planes(1) if ground.level else planes_through([points], [normals])
