@@ -116,10 +116,9 @@ def in_balance(
             reason = str(error).split(": a robot that stands free")[0]
         turning = _standing(ik, draft.trajectory.qpos, turning=True)
         if not turning.planted.all() and ik.graph.human.activity.kind != SUPPORTED:
-            most = Alike(unlike_legs=np.pi)
-            for clip in (replace(turning, sweep=sweep) for sweep in SWEEPS):
+            for clip in _paces(ik, turning):
                 with suppress(BalanceError):
-                    balanced, played, solution = _played_as(ik, draft, clip, modes[0], count, most)
+                    balanced, played, solution = _played_as(ik, draft, clip, modes[0], count, Alike(unlike_legs=np.pi))
                     return replace(balanced, legs="turn", instead=reason), played, solution
     balanced, played, solution = _played_as(ik, draft, _standing(ik, draft.trajectory.qpos), modes[-1], count)
     return replace(balanced, legs="stand", instead=reason), played, solution
@@ -141,8 +140,8 @@ def _following(
         attempts = [(mode, planned) for mode in reversed(modes)]
     else:
         shorter = {share: _stepping(ik, draft.trajectory.qpos, share) for share in (0.75, 0.5)}
-        quick = (replace(clip, sweep=sweep) for clip in (planned, *shorter.values()) for sweep in SWEEPS)
-        steps = {"dynamic": tuple(quick), "static": (shorter[0.5],)}
+        quick = [each for clip in (planned, *shorter.values()) for each in _paces(ik, clip)]
+        steps = {"dynamic": quick, "static": [shorter[0.5]]}
         attempts = [(mode, clip) for mode in (modes[:1] if most else modes) for clip in steps[mode]]
     for mode, clip in attempts[:-1]:
         with suppress(BalanceError):
@@ -154,8 +153,7 @@ def _require_alike(graph: RobotGraph, qpos: Floats, frames: np.ndarray, most: Al
     """Raises: BalanceError: legs or trunk are too far from the human's."""
     likeness = likeness_of(graph.human, graph.robot, qpos, frames)
     for part, bound in (("legs", most.unlike_legs), ("trunk", most.unlike_trunk)):
-        off = likeness.part(part) or 0.0
-        if off > bound and likeness.beyond(part) > bound:
+        if (off := likeness.part(part) or 0.0) > bound and likeness.beyond(part) > bound:
             raise BalanceError(f"stepping would turn the {part} {np.degrees(off):.0f}° from the human's")
 
 
@@ -193,6 +191,12 @@ def _standing(ik: BalancedIk, draft: Floats, turning: bool = False) -> PlaybackC
     return PlaybackClip(still, posed, places, planted, graph.fps, ground=SolidGround(still.bodies))
 
 
+def _paces(ik: BalancedIk, clip: PlaybackClip) -> list[PlaybackClip]:
+    """Return the clip at each of the paces to try: without feedback, a robot falls more often with quick steps."""
+    sweeps = SWEEPS if getattr(ik.robot.servo_map, "balance", None) else SWEEPS[-1:]
+    return [replace(clip, sweep=sweep) for sweep in sweeps]
+
+
 def _headings(graph: RobotGraph) -> Floats:
     """Return (T,) the human's heading [rad]."""
     return np.unwrap(bearing(graph.human.heading))
@@ -219,5 +223,4 @@ def _stepping(ik: BalancedIk, draft: Floats, share: float = 1.0) -> PlaybackClip
     posed = np.array(draft)
     posed[:, root] += gaussian_filter1d((placed - corners).mean(axis=(1, 2))[:, :2], SWAY * fps, axis=0, mode="nearest")
     stride = total_step_length(kept, placed) / max(total_step_length(kept, corners), 1e-9)
-    clear = with_margin(graph, ik.options.arms * ik.leg, ik.limbs)
-    return PlaybackClip(clear, posed, placed, kept, fps, stride)
+    return PlaybackClip(with_margin(graph, ik.options.arms * ik.leg, ik.limbs), posed, placed, kept, fps, stride)
