@@ -138,7 +138,7 @@ speed: with 0.13 the OP3 falls as with 0.1, with 0.16 it stays up with steps of 
 SWEEPS = (1.3, 1.6)
 """Least durations of a swing over that of a leg at its usable speed [-]: the first one is kept only if the playback then needs no more time. With
 1.3 alone the OP3 takes 0.37 instead of 0.55 of the human's steps in `soma30_walk_then_sneak`, and its hips and knees ask for 1.5 of the torque–speed
-line in `test_freebvh_walk`."""
+line in `test_freebvh_walk`; the walk of the ToddlerBot-class robot, slowed down further at 1.3, falls in 8 of 10 drawn worlds."""
 
 
 @dataclass(frozen=True)

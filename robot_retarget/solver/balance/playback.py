@@ -252,7 +252,7 @@ def paced(ik: BalancedIk, clip: PlaybackClip, how: Steadiness, count: Count, slo
         slowest: largest duration over the human's [-].
 
     Raises:
-        BalanceError: it needs more than `slowest` times the human's time, or, unless its `sweep` is the slowest, more than the rounds find.
+        BalanceError: it needs more than `slowest` times the human's time, or more than it has with a `sweep` other than the slowest.
     """
     # In dynamic balance, momentum carries the weight over.
     chosen = Pacing() if how.static else Pacing(swing=swing_time(ik, clip.sweep), transfer=0.0)
@@ -266,6 +266,8 @@ def paced(ik: BalancedIk, clip: PlaybackClip, how: Steadiness, count: Count, slo
         enough = needs.max() <= chosen.slack and found.margin.min() >= MARGIN * ik.leg
         if (enough and (how.static or number)) or stretch.mean() >= chosen.slowest - 1e-3:
             break
+        if number and clip.sweep < SWEEPS[-1]:
+            raise BalanceError("steps so quick need more time")
         if number:  # the second playback starts from a smooth motion and often needs no more time
             stretch = stretched(stretch, plan.timeline, needs, chosen)
             _require_pace(stretch, slowest)
@@ -273,9 +275,6 @@ def paced(ik: BalancedIk, clip: PlaybackClip, how: Steadiness, count: Count, slo
         # Limbs shift the zero moment point: the second plan makes up for it (Kajita et al., preview control of the zero moment point, 2003).
         plan = plan_playback(ik, clip, stretch, how, Drift(found.timeline, found.zmp - found.plan.pendulum))
         found = played(ik, clip, plan, count, near=True)
-    else:
-        if clip.sweep < SWEEPS[-1]:
-            raise BalanceError("steps so quick ask more of the servos than they have")
     return found
 
 
