@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 from shared_files import ROOT
 
 import robot_retarget as rr
@@ -93,6 +94,12 @@ def test_a_swing_goes_over_the_edge_of_a_step_and_ends_flat_on_it() -> None:
     toe = places[:, 0, :2, 0].max(axis=1)
     assert (places[toe > 0.0705, 0, :, 2] > RISE - 1e-9).all()
     assert (np.diff(np.sign(np.round(np.diff(places[19:41, 0, 0, 2]), 9))) <= 0).all()  # up, then down
+
+
+def test_a_robot_steps_up_in_time_for_its_knee_and_does_not_throw_its_hips() -> None:
+    trajectory = stepped().trajectory
+    roll = Rotation.from_quat(trajectory.qpos[:, 3:7], scalar_first=True).as_euler("xyz")[:, 0]
+    assert np.abs(np.diff(roll)).max() * trajectory.fps < 1.0  # 1.8 rad/s in the time of a level step
 
 
 def apart() -> int:

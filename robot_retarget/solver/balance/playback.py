@@ -290,13 +290,17 @@ def swing_time(ik: BalancedIk, sweep: float = SWEEPS[-1]) -> float:
 
 
 def _sweeps(clip: PlaybackClip, leg: float) -> Floats:
-    """Return (T, F) the angle that a leg sweeps in the swing at each frame over that of the longest step, `SHORT` at least [-]."""
-    shares, middle = np.ones_like(clip.planted, dtype=float), clip.corners.mean(axis=2)[..., :2]
+    """Return (T, F) the angle that a leg sweeps in the swing at each frame over that of the longest step, `SHORT` at least [-].
+
+    A swing that rises or falls by h bends a knee by 2 acos(1 − h/leg), and stretches it again.
+    """
+    shares, middle = np.ones_like(clip.planted, dtype=float), clip.corners.mean(axis=2)
     for foot in range(shares.shape[1]):
         for start, stop in intervals(~clip.planted[:, foot]):
             ends = middle[[max(start - 1, 0), min(stop, len(middle) - 1)], foot]
-            step = min(float(np.linalg.norm(ends[1] - ends[0])) / (2 * leg), REACH)
-            shares[start:stop, foot] = max(SHORT, np.arcsin(step / 2) / np.arcsin(REACH / 2))
+            across, up = float(np.linalg.norm((ends[1] - ends[0])[:2])), abs(float(ends[1, 2] - ends[0, 2]))
+            sweep = max(np.arcsin(min(across / (2 * leg), REACH) / 2), 2 * np.arccos(max(1 - up / leg, 0.0)))
+            shares[start:stop, foot] = max(SHORT, sweep / np.arcsin(REACH / 2))
     return shares
 
 
