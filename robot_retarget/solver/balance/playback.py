@@ -295,6 +295,7 @@ def _sweeps(clip: PlaybackClip, leg: float) -> Floats:
     A swing that rises or falls by h bends a knee by 2 acos(1 − h/leg), and stretches it again.
     """
     shares, middle = np.ones_like(clip.planted, dtype=float), clip.corners.mean(axis=2)
+    middle[..., 2] = clip.ground.under(middle)[0]
     for foot in range(shares.shape[1]):
         for start, stop in intervals(~clip.planted[:, foot]):
             ends = middle[[max(start - 1, 0), min(stop, len(middle) - 1)], foot]
