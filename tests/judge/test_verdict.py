@@ -28,7 +28,7 @@ def held() -> Report:
 
 
 def test_every_badge_has_its_own_words() -> None:
-    badges = [Badge(*flags) for flags in itertools.product((False, True), repeat=5)]
+    badges = [Badge(p, u, held, f, c) for p, u, held, f, c in itertools.product((False, True), repeat=5)]
     assert len({badge.text for badge in badges if badge.passed}) == 12
     assert Badge(True, pinned=False, edge=True).text == "pass, at the edge (free)"
     assert Badge(True, unlike=True, pinned=False, standing=False).text == "not playable standing (free)"
