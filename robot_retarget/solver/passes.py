@@ -272,7 +272,6 @@ def _separated(clip: ClipProblem, poses: list[FrameSolution], proximal: Proximal
     if their links overlap less. A frame whose links still interpenetrate moves back towards
     the frame before, and the frames after it catch up at the largest speeds, through links where no way is clear.
     """
-    solver = clip.solver
     frames = None
     for _ in range(ROUNDS):
         between = _interpenetrating(clip, _qpos(poses), frames)
@@ -280,8 +279,13 @@ def _separated(clip: ClipProblem, poses: list[FrameSolution], proximal: Proximal
         if not frames.size:
             break
         poses = _solved_again(clip, poses, frames, proximal, between)
-    overlapping, behind = solver.costs.overlap(_qpos(poses)) > solver.options.overlap, False
-    robot, reach = solver.robot, clip.bounds.speed / clip.fps
+    return _caught_up(clip, poses)
+
+
+def _caught_up(clip: ClipProblem, poses: list[FrameSolution]) -> list[FrameSolution]:
+    """Return the poses with overlapping frames moved back towards the frame before, and the frames after them within the joint speeds."""
+    solver, robot, reach, behind = clip.solver, clip.solver.robot, clip.bounds.speed / clip.fps, False
+    overlapping = solver.costs.overlap(_qpos(poses)) > solver.options.overlap
     for t in range(max(clip.fixed, 1), len(poses)):
         before, late = poses[t - 1].qpos, poses[t]
         way = difference(robot, before, late.qpos)

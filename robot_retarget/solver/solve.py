@@ -94,8 +94,7 @@ def solution_of(
     qpos, problem = np.array([pose.qpos for pose in poses]), solver.problem
     trajectory = replace(trajectory_of(graph.motion, graph.robot, qpos), scene=graph.bodies)
     measured, stress = measured_by(problem, graph, qpos), stresses(solver, graph, qpos)
-    stood = renewed_tracks(solver, planned, qpos) if planned else graph.tracks
-    unmet = unmet_edges(solver, graph, measured, qpos, stood)
+    unmet = unmet_edges(solver, graph, measured, qpos, renewed_tracks(solver, planned, qpos) if planned else ())
     missed = {t for edge in unmet for t in edge.frames}
     status = tuple(Status.UNREACHED if t in missed else pose.status for t, pose in enumerate(poses))
     cost = np.sum(list(stress.values()), axis=0)

@@ -15,9 +15,9 @@ from robot_retarget.solver.balance.footsteps import (
     reachable_footholds,
     spread,
     total_step_length,
-    turning_steps,
     without_small_swings,
 )
+from robot_retarget.solver.balance.turns import turning_steps
 
 LEG = 0.25
 SOLE = np.array([[0.06, 0.04, 0.0], [0.06, -0.04, 0.0], [-0.06, 0.04, 0.0], [-0.06, -0.04, 0.0]])

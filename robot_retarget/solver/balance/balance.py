@@ -31,16 +31,15 @@ from robot_retarget.solver.balance.balanced_ik import (
 from robot_retarget.solver.balance.footsteps import (
     REACH,
     StepRule,
-    facing,
     planted_feet,
     reachable_footholds,
     spread,
     total_step_length,
-    turning_steps,
     without_small_swings,
 )
 from robot_retarget.solver.balance.plan import DYNAMIC, STATIC, SWEEPS, PlaybackClip
 from robot_retarget.solver.balance.playback import MARGIN, Balanced, expected_steps, paced
+from robot_retarget.solver.balance.turns import turned_soles, turning_steps
 from robot_retarget.solver.solution import Solution
 from robot_retarget.solver.solve import solution_of
 
@@ -82,9 +81,15 @@ def balance_modes(robot: Robot, legs: str, balance: str) -> tuple[str, ...]:
     return modes
 
 
+Played = tuple[Balanced, RobotGraph, Solution]
+"""A playback, the graph at its frames, and its solution."""
+Attempt = tuple[str, PlaybackClip, Alike | None]
+"""A mode of balance, a clip and the limits of its playback."""
+
+
 def in_balance(
     graph: RobotGraph, draft: Solution, legs: str, modes: tuple[str, ...], progress: Progress | None = None
-) -> tuple[Balanced, RobotGraph, Solution]:
+) -> Played:
     """Bring a draft into balance; return the playback, the graph at its frames, and its solution.
 
     Args:
@@ -101,52 +106,49 @@ def in_balance(
     if len(graph.match.anatomy.soles) < 2:
         raise BalanceError(f"{graph.robot.name} has no two feet to stand on: do without balance (balance 'off')")
     if len(graph) < 2:
-        raise BalanceError(
-            "a motion of one frame has no playback: take more frames, or do without balance (balance 'off')"
-        )
+        raise BalanceError("a motion of one frame has no playback: take more frames, or use balance 'off'")
     ik, count = BalancedIk(graph), Count(progress, expected_steps(graph))
-    reason = ""
+    reason, turns = "", list[Attempt]()
     if legs != "stand":
         try:
             require_own_feet(graph.human.activity)
-            return _following(ik, draft, modes, count, Alike() if legs == "auto" else None)
+            return _first_within(ik, draft, _steps(ik, draft, modes, auto=legs == "auto"), count)
         except BalanceError as error:
             if legs == "follow":
                 raise
             reason = str(error).split(": a robot that stands free")[0]
         turning = _standing(ik, draft.trajectory.qpos, turning=True)
-        if not turning.planted.all() and ik.graph.human.activity.kind != SUPPORTED:
-            for clip in _paces(ik, turning):
-                with suppress(BalanceError):
-                    balanced, played, solution = _played_as(ik, draft, clip, modes[0], count, Alike(unlike_legs=np.pi))
-                    return replace(balanced, legs="turn", instead=reason), played, solution
-    balanced, played, solution = _played_as(ik, draft, _standing(ik, draft.trajectory.qpos), modes[-1], count)
-    return replace(balanced, legs="stand", instead=reason), played, solution
+        if not turning.planted.all() and graph.human.activity.kind != SUPPORTED:
+            turns = [(modes[0], clip, Alike(unlike_legs=np.pi)) for clip in _paces(ik, turning)]
+    stand: Attempt = modes[-1], _standing(ik, draft.trajectory.qpos), None
+    balanced, played, solution = _first_within(ik, draft, [*turns, stand], count)
+    held = replace(balanced, legs="stand" if balanced.timeline.planted.all() else "turn", instead=reason)
+    return held, played, solution
 
 
-def _following(
-    ik: BalancedIk, draft: Solution, modes: tuple[str, ...], count: Count, most: Alike | None
-) -> tuple[Balanced, RobotGraph, Solution]:
-    """Return a playback with the human's steps, or else with shorter ones, in the first mode in which it is like the human's motion.
-
-    Args:
-        most: limits of the last attempt.
+def _steps(ik: BalancedIk, draft: Solution, modes: tuple[str, ...], auto: bool) -> list[Attempt]:
+    """Return the attempts to follow the human's steps, the most human-like ones first: in the first mode alone if `auto`, without limits at last otherwise.
 
     Raises:
-        BalanceError: the motion leaves the floor, or no attempt keeps to the limits.
+        BalanceError: the motion leaves the floor.
     """
     planned = _stepping(ik, draft.trajectory.qpos)
     if planned.planted.all():  # nothing is lost in static balance
-        attempts = [(mode, planned) for mode in reversed(modes)]
+        tried = [(mode, planned) for mode in reversed(modes)]
     else:
-        shorter = {share: _stepping(ik, draft.trajectory.qpos, share) for share in (0.75, 0.5)}
-        quick = [each for clip in (planned, *shorter.values()) for each in _paces(ik, clip)]
-        steps = {"dynamic": quick, "static": [shorter[0.5]]}
-        attempts = [(mode, clip) for mode in (modes[:1] if most else modes) for clip in steps[mode]]
-    for mode, clip in attempts[:-1]:
+        shorter = [_stepping(ik, draft.trajectory.qpos, share) for share in (0.75, 0.5)]
+        steps = {"dynamic": [c for clip in (planned, *shorter) for c in _paces(ik, clip)], "static": shorter[1:]}
+        tried = [(mode, clip) for mode in (modes[:1] if auto else modes) for clip in steps[mode]]
+    return [(*each, Alike()) for each in tried[:-1]] + [(*tried[-1], Alike() if auto else None)]
+
+
+def _first_within(ik: BalancedIk, draft: Solution, attempts: list[Attempt], count: Count) -> Played:
+    """Return the first playback that keeps to its limits. Raises: BalanceError: the last attempt does not."""
+    *others, last = attempts
+    for attempt in others:
         with suppress(BalanceError):
-            return _played_as(ik, draft, clip, mode, count, Alike())
-    return _played_as(ik, draft, attempts[-1][1], attempts[-1][0], count, most)
+            return _played_as(ik, draft, count, *attempt)
+    return _played_as(ik, draft, count, *last)
 
 
 def _require_alike(graph: RobotGraph, qpos: Floats, frames: np.ndarray, most: Alike) -> None:
@@ -158,8 +160,8 @@ def _require_alike(graph: RobotGraph, qpos: Floats, frames: np.ndarray, most: Al
 
 
 def _played_as(
-    ik: BalancedIk, draft: Solution, clip: PlaybackClip, mode: str, count: Count, most: Alike | None = None
-) -> tuple[Balanced, RobotGraph, Solution]:
+    ik: BalancedIk, draft: Solution, count: Count, mode: str, clip: PlaybackClip, most: Alike | None = None
+) -> Played:
     """Return the playback of a clip in a mode of balance.
 
     Raises:
@@ -186,7 +188,7 @@ def _standing(ik: BalancedIk, draft: Floats, turning: bool = False) -> PlaybackC
     human, turns = in_place(graph.human, graph.match, turning)
     posed = posed_in_place(ik, draft, turns, balanced_stand(ik, own))
     planted, headings = np.ones((len(draft), len(ik.feet)), bool), _headings(graph) * turning
-    planted, places = turning_steps(planted, facing(own, headings), own, headings, graph.fps, ik.turn)
+    planted, places = turning_steps(planted, turned_soles(own, headings), own, headings, graph.fps, ik.turn)
     still = graph_from(graph, human)
     return PlaybackClip(still, posed, places, planted, graph.fps, ground=SolidGround(still.bodies))
 

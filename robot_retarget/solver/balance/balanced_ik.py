@@ -24,7 +24,7 @@ from robot_retarget.human.match import Match
 from robot_retarget.robot import Points, Robot, world_points
 from robot_retarget.robot.kinematics import carrying, mass_function
 from robot_retarget.robot.support import CORNERS, sole_corners, support
-from robot_retarget.solver.balance.footsteps import TURN
+from robot_retarget.solver.balance.turns import TURN
 from robot_retarget.solver.clip import measured_by, renewed
 from robot_retarget.solver.compiled import Mapped
 from robot_retarget.solver.limits import targets_of
@@ -124,7 +124,7 @@ class BalancedIk:
 
     @cached_property
     def turn(self) -> float:
-        """`footsteps.TURN`, or what hips twist either way from the standing pose if that is less [rad]; infinite if they do not: the feet then take no turns."""
+        """`turns.TURN`, or what hips twist either way from the standing pose if that is less [rad]; infinite if they do not: the feet then take no turns."""
         robot, own = self.robot, self.robot.standing()
         nudged, angles = np.tile(own, (len(robot.qpos_index) + 1, 1)), own[robot.qpos_index]
         nudged[1:, robot.qpos_index] += NUDGE * np.eye(len(angles))
