@@ -9,11 +9,19 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from robot_retarget.base.errors import OutputError
+
+try:
+    import fcntl
+except ImportError:
+    fcntl = None
+
+LOCK = ".lock"
+"""File of a folder that a process holds while it writes the others."""
 
 
 @contextmanager
@@ -142,19 +150,37 @@ def folder(path: str | Path) -> Path:
 
 @contextmanager
 def made_folder(path: str | Path) -> Iterator[Path]:
-    """Make a folder, as `folder` does; those that it made and that are empty after the block are removed, however the block ends.
+    """Make a folder, as `folder` does, and lock it; the folders that it made and that are empty after the block are removed.
 
     Raises:
-        OutputError: as `folder`.
+        OutputError: as `folder`, or another process holds the folder.
     """
     target = Path(path)
-    made = [one for one in (target, *target.parents) if not one.exists()]
+    made = [one for one in (target / LOCK, target, *target.parents) if not one.exists()]  # noted before they are made
     try:
-        yield folder(target)
+        with (folder(target) / LOCK).open("w") as lock:
+            if not _locked(lock):
+                made.clear()
+                raise OutputError(f"another run is at work in {target}")
+            try:
+                yield target
+            finally:
+                (target / LOCK).unlink(missing_ok=True)
     finally:
         for one in made:
-            if one.is_dir() and not any(one.iterdir()):
-                one.rmdir()
+            with suppress(OSError):  # a folder with files stays
+                one.rmdir() if one.is_dir() else one.unlink()
+
+
+def _locked(lock: IO[str]) -> bool:
+    """Lock an open file for this process, until it is closed; return whether that succeeds. Windows has no such locks."""
+    if fcntl is None:
+        return True
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return os.fstat(lock.fileno()).st_nlink > 0  # the process before removed it
 
 
 def _real(path: Path) -> Path:

@@ -6,12 +6,18 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from itertools import product
 from pathlib import Path
+from types import FrameType
 
 import forked
 import pytest
+import typer
 from shared_files import ROOT
+
+from robot_retarget.tools.cli.command import Interruptible
+from robot_retarget.tools.cli.run import filling
 
 WAVE = ROOT / "samples/wave.bvh"
 SHORT = ("--frames", "0:9", "--balance", "off", "--draws", "0")
@@ -66,6 +72,55 @@ def test_ctrl_c_before_anything_is_written_leaves_no_folder(tmp_path: Path) -> N
     assert not list(tmp_path.iterdir())
 
 
+def test_ctrl_c_at_every_moment_of_the_start_leaves_no_folder(tmp_path: Path) -> None:
+    """Ctrl-C takes effect when a C function returns: it is pressed at the return of the first, the second, … one."""
+    program = typer.Typer(cls=Interruptible, callback=lambda: None)
+
+    @program.command()
+    def fill(out: Path) -> None:
+        with filling(out):
+            sys.setprofile(None)
+
+    whole = typer.main.get_command(program)
+    total = pressed_at(-1, lambda: ended(whole, tmp_path / "all/out"))
+    assert total >= 50
+    for moment in range(total):
+        place = tmp_path / f"{moment}"
+        place.mkdir()
+        codes = list[int]()
+        pressed_at(moment, lambda: codes.append(ended(whole, place / "new/out")))  # noqa: B023
+        assert codes == [130] and not list(place.iterdir()), moment
+
+
+def ended(program: Callable[..., object], out: Path) -> int:
+    """Fill a folder; return the exit code."""
+    with pytest.raises(SystemExit) as stopped:
+        program(["fill", str(out)])
+    assert isinstance(stopped.value.code, int)
+    return stopped.value.code
+
+
+def pressed_at(moment: int, run: Callable[[], object]) -> int:
+    """Run a function, stopped where it has called so many C functions within `filling`; return how many it called."""
+    called, inside = 0, False
+
+    def watch(frame: FrameType, event: str, _: object) -> None:
+        nonlocal called, inside
+        inside = inside or frame.f_code.co_name == "filling"
+        if inside and event == "c_return":
+            called += 1
+            if called > moment >= 0:
+                sys.setprofile(None)
+                raise KeyboardInterrupt
+
+    sys.setprofile(watch)
+    try:
+        run()
+    finally:
+        sys.setprofile(None)
+    return called
+
+
 def test_ctrl_c_says_what_is_kept(tmp_path: Path) -> None:
     (tmp_path / "older.txt").write_text("not of this run")
     words = command(
@@ -78,7 +133,7 @@ def test_ctrl_c_says_what_is_kept(tmp_path: Path) -> None:
         tmp_path,
         "--video",
     )
-    done = stopped(words, tmp_path, ".unfinished-*/report.json")
+    done = stopped(words, tmp_path, ".unfinished/report.json")
     assert done.returncode == 130, done.stderr
     kept = {path.name for path in tmp_path.iterdir()} - {"older.txt"}
     assert {"trajectory.npz", "report.json"} <= kept and "video.mp4" not in kept
@@ -92,7 +147,7 @@ def test_a_refusal_leaves_no_folder(tmp_path: Path) -> None:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+    return {path.name: path.read_bytes() for path in folder.glob("[!.]*")}
 
 
 def test_a_killed_run_leaves_the_earlier_results_whole_and_the_next_run_sweeps_it_and_names_what_it_wrote(
@@ -102,7 +157,7 @@ def test_a_killed_run_leaves_the_earlier_results_whole_and_the_next_run_sweeps_i
     for name in earlier:
         (tmp_path / name).write_text("earlier")
     words = ("run", WAVE, "--robot", "op3", *SHORT, "--json", "--out", tmp_path)
-    killed = stopped(command(*words), tmp_path, ".unfinished-*/report.json", signal.SIGKILL)
+    killed = stopped(command(*words), tmp_path, ".unfinished/report.json", signal.SIGKILL)
     assert killed.returncode == -signal.SIGKILL
     assert contents(tmp_path) == dict.fromkeys(earlier, b"earlier")
     done = forked.run(*words)
@@ -153,7 +208,6 @@ def test_ctrl_c_while_a_command_loads_leaves_no_traceback(after: float, tmp_path
 @pytest.mark.parametrize(
     ("missing", "words", "sentence"),
     [
-        ("fcntl", f"batch {WAVE.parent} --robot op3 --out out --dry-run", "this command needs Linux: Python has no module 'fcntl'"),
         ("resource", f"batch {WAVE.parent} --robot op3 --out out", "this command needs Linux: Python has no module 'resource'"),
         ("termios", "servos scan --port /dev/null", "this command needs Linux: Python has no module 'termios'"),
     ],

@@ -47,17 +47,22 @@ def test_replaced_results_are_named(tmp_path: Path, capsys: pytest.CaptureFixtur
         assert ("replaced the results of an earlier run" in told and "report.json" in told) == (text == "second")
 
 
-def test_ctrl_c_between_a_folder_and_its_first_file_leaves_no_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def press(*_: object, **__: object) -> str:
-        assert (tmp_path / "new/out").is_dir()
-        raise KeyboardInterrupt
+def test_a_folder_takes_the_results_of_one_run_at_a_time(tmp_path: Path) -> None:
+    place = tmp_path / "new/out"
+    with filling(place) as filled:
+        (filled.path / "report.json").write_text("of the first")
+        with pytest.raises(rr.RobotRetargetError, match=f"another run is at work in {place}"), filling(place):
+            raise AssertionError("it is refused")
+    assert {path.name: path.read_text() for path in place.iterdir()} == {"report.json": "of the first"}
 
-    monkeypatch.setattr("tempfile.mkdtemp", press)
-    with pytest.raises(KeyboardInterrupt), filling(tmp_path / "new/out"):
-        raise AssertionError("it is stopped before")
-    assert not list(tmp_path.iterdir())
+
+def test_a_run_that_fails_removes_only_what_it_wrote(tmp_path: Path) -> None:
+    with pytest.raises(rr.RobotRetargetError), filling(tmp_path) as filled:
+        (filled.path / "viewer.html").write_text("of this run")
+        assert filled.show("viewer.html").read_text() == "of this run"
+        (tmp_path / "trajectory.npz").write_text("of another program")
+        raise rr.RobotRetargetError("refused")
+    assert [path.name for path in tmp_path.iterdir()] == ["trajectory.npz"]
 
 
 def test_results_are_the_earlier_ones_or_the_new_ones_wherever_a_run_was_killed(tmp_path: Path) -> None:

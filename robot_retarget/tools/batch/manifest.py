@@ -5,7 +5,6 @@ moment can continue; the end of a run sorts the lines. Rows hold only values tha
 another file.
 """
 
-import fcntl
 import json
 import os
 import re
@@ -20,7 +19,7 @@ from robot_retarget.base.errors import OutputError, UsageError
 from robot_retarget.base.files import made_folder, replacing, write_text
 from robot_retarget.tools.batch.task import DONE, Row, TaskResult, sha256_of
 
-INDEX, TIMES, HASHES, LOCK = "index.jsonl", "times.jsonl", ".hashes.jsonl", ".lock"
+INDEX, TIMES, HASHES = "index.jsonl", "times.jsonl", ".hashes.jsonl"
 SCRATCH = re.compile(r"\..+-[a-z0-9_]{8}(\..*)?")
 """Temporary names of `files.replacing`."""
 COLUMNS = tuple(field.name for field in fields(Row))
@@ -38,11 +37,7 @@ def locked_folder(out: Path) -> Iterator[Path]:
     )
     if strange:
         raise OutputError(f"{out} holds files and no {INDEX}: it is not a batch folder; give another --out")
-    with made_folder(out) as target, (target / LOCK).open("w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise OutputError(f"another run is at work in {out}") from error
+    with made_folder(out) as target:
         for scratch in target.rglob(".*"):
             if scratch.is_file() and SCRATCH.fullmatch(scratch.name):
                 scratch.unlink()

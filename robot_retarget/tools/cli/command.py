@@ -150,6 +150,7 @@ def _stopped() -> Iterator[None]:
     except (KeyboardInterrupt, ImportError) as stopped:
         if isinstance(stopped, ImportError) and not getattr(signal.getsignal(signal.SIGINT), "pressed", False):
             raise
+        traceback.clear_frames(stopped.__traceback__)  # ends `with` blocks that were being entered
         exec("")  # Python keeps a Ctrl-C inside `exec` as unhandled until the next `exec`, and exits because of it
         kept = str(stopped) if isinstance(stopped, KeyboardInterrupt) else ""
         console.err.print(f"stopped: {kept or NOTHING}", style="yellow")

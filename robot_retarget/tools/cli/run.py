@@ -1,9 +1,8 @@
 """`run` and `demo`: everything from a motion to a judged trajectory with its report."""
 
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from shutil import copyfile, rmtree
 from typing import TYPE_CHECKING
@@ -46,8 +45,8 @@ RESULTS = (
     "report.pinned.json",
 )
 """Files of a folder of results, which belong together: those of an earlier run go when the new ones come."""
-UNFINISHED, COMPLETE = ".unfinished-", ".complete-"
-"""Prefixes of the folder that holds results, until all are written and until all are in their place."""
+UNFINISHED, COMPLETE = ".unfinished", ".complete"
+"""Names of the folder that holds results, until all are written and until all are in their place."""
 WANTED = ".names"
 """File in a complete folder that lists its results."""
 
@@ -56,21 +55,27 @@ WANTED = ".names"
 class Filled:
     """A folder of results that is being filled."""
 
-    path: Path
-    """Folder of the files until all are complete."""
     place: Path
-    """Where they go."""
+    """Where its files go."""
     earlier: tuple[str, ...]
     """Results of an earlier run in that place."""
+    shown: set[str] = field(default_factory=set[str])
+    """Files that are in their place before all are complete."""
+
+    @property
+    def path(self) -> Path:
+        """Folder of the files until all are complete."""
+        return self.place / UNFINISHED
 
     def written(self) -> list[str]:
         """The names of the files that were written, sorted."""
-        return sorted(file.name for file in self.path.iterdir())
+        return sorted(name for name in RESULTS if (self.path / name).exists())
 
     def show(self, name: str) -> Path:
         """Return where a file can be looked at now: in its place, unless results of an earlier run stand there."""
         if self.earlier:
             return self.path / name
+        self.shown.add(name)
         with replacing(self.place / name) as scratch:
             copyfile(self.path / name, scratch)
         return self.place / name
@@ -88,41 +93,36 @@ def filling(place: Path) -> Iterator[Filled]:
         KeyboardInterrupt: Ctrl-C; its text names the files that were written.
     """
     with made_folder(place):
-        for complete in sorted(place.glob(f"{COMPLETE}*")):
-            _put(complete, place)
-        for left in place.glob(f"{UNFINISHED}*"):
-            rmtree(left)
-        earlier = tuple(name for name in RESULTS if (place / name).exists())
-        filled = Filled(Path(tempfile.mkdtemp(dir=place, prefix=UNFINISHED)), place, earlier)
-        kept = False
+        _put(place)
+        filled = Filled(place, tuple(name for name in RESULTS if (place / name).exists()))
+        rmtree(filled.path, ignore_errors=True)
         try:
+            filled.path.mkdir()
             yield filled
-            kept = _replace(filled)
-            if earlier:
-                console.note(f"replaced the results of an earlier run in {place}: {', '.join(earlier)}")
+            _replace(filled)
+            if filled.earlier:
+                console.note(f"replaced the results of an earlier run in {place}: {', '.join(filled.earlier)}")
         except KeyboardInterrupt as stopped:
-            message = f"kept {', '.join(filled.written())} in {place}" if filled.written() else NOTHING
             kept = _replace(filled)
-            raise KeyboardInterrupt(message) from stopped
+            raise KeyboardInterrupt(f"kept {', '.join(kept)} in {place}" if kept else NOTHING) from stopped
         finally:
             rmtree(filled.path, ignore_errors=True)
-            for name in () if kept or earlier else RESULTS:
+            for name in filled.shown:
                 (place / name).unlink(missing_ok=True)
 
 
-def _replace(filled: Filled) -> bool:
-    """Put the files in the place of earlier results; return whether there are any."""
-    names = filled.written()
-    if names:
+def _replace(filled: Filled) -> list[str]:
+    """Put the files in the place of earlier results; return their names."""
+    if names := filled.written():
         write_text(filled.path / WANTED, "\n".join(names))
-        complete = filled.path.with_name(filled.path.name.replace(UNFINISHED, COMPLETE))
-        filled.path.rename(complete)
-        _put(complete, filled.place)
-    return bool(names)
+        filled.shown.clear()
+        filled.path.rename(filled.place / COMPLETE)
+    return _put(filled.place)
 
 
-def _put(complete: Path, place: Path) -> None:
-    """Move a complete folder's files to their place; idempotent, so an interrupted move can be repeated."""
+def _put(place: Path) -> list[str]:
+    """Move complete files to their place; idempotent, so an interrupted move can be repeated. Return their names."""
+    complete, names = place / COMPLETE, list[str]()
     if (complete / WANTED).exists():  # it goes last
         names = (complete / WANTED).read_text(encoding="utf-8").split("\n")
         for name in set(RESULTS) - set(names):
@@ -130,7 +130,8 @@ def _put(complete: Path, place: Path) -> None:
         for name in names:
             if (complete / name).exists():
                 (complete / name).replace(place / name)
-    rmtree(complete)
+    rmtree(complete, ignore_errors=True)
+    return names
 
 
 @options
