@@ -260,7 +260,7 @@ def _read_likeness(text: str) -> dict[str, Any]:
     """
     try:
         found = json.loads(text, parse_constant=float)
-    except ValueError:
+    except (ValueError, RecursionError):
         found = None
     values = list(found.values()) if isinstance(found, dict) else [found]
     if not isinstance(found, dict) or not all(

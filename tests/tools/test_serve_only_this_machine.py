@@ -1,21 +1,27 @@
 """The viewer's server answers pages of this machine only, and reads no more than a page may send."""
 
+import json
 import socket
 import struct
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
 
 import pytest
 from made_trajectories import hold
 
+from robot_retarget.base.files import SAMPLES
+from robot_retarget.edit.touchup import Session, graph_of
+from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot
 from robot_retarget.tools.view.web import serve as web
-from robot_retarget.tools.view.web.serve import LONGEST, Served, serve
+from robot_retarget.tools.view.web.serve import LONGEST, EditServer, Served, serve
 from robot_retarget.tools.view.web.take import Take, Viewer
 
 OP3 = load_robot("op3")
+MOTION = read_motion(SAMPLES / "wave.bvh").frames(0, 10)
 
 
 @contextmanager
@@ -74,7 +80,7 @@ def test_no_other_page_shows_it_in_a_frame(served: Served) -> None:
 
 
 def test_bodies_that_never_come_hold_few_threads_and_not_for_long(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(web, "SILENCE", 0.3)
+    monkeypatch.setattr(web, "DEADLINE", 0.3)
     monkeypatch.setattr(web, "MOST", 4)
     before = threading.active_count()
     with served_page() as served, ExitStack() as open_wires:
@@ -92,6 +98,39 @@ def test_bodies_that_never_come_hold_few_threads_and_not_for_long(monkeypatch: p
         while threading.active_count() - before > 1:
             time.sleep(0.01)
         assert status(served, "GET /", "Host: localhost") == 200
+
+
+def test_connections_that_send_a_byte_now_and_then_do_not_keep_a_page_waiting(served: Served) -> None:
+    address = "127.0.0.1", served.server.server_port
+    with ExitStack() as open_wires:
+        for _ in range(40):
+            wire = open_wires.enter_context(socket.create_connection(address, 5))
+            wire.sendall(b"GET / HT")
+        began = time.monotonic()
+        assert status(served, "GET /", "Host: localhost") == 200
+        assert time.monotonic() - began < 1
+
+
+def test_a_request_has_one_deadline_however_slowly_it_comes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(web, "DEADLINE", 0.3)
+    with served_page() as served, socket.create_connection(("127.0.0.1", served.server.server_port), 5) as wire:
+        began, wire_is_open = time.monotonic(), True
+        while wire_is_open and time.monotonic() - began < 3:
+            with suppress(TimeoutError, ConnectionError):
+                wire.sendall(b"x")
+                wire.settimeout(0.05)
+                wire_is_open = bool(wire.recv(1))
+        assert 0.3 <= time.monotonic() - began < 1.5
+
+
+@pytest.mark.parametrize(
+    "content", [b"[" * 9000, b'{"at": ' + b"[" * 400 + b"]" * 400 + b"}", b"\xff", b"{}", b"[1, 2]"]
+)
+def test_an_edit_that_is_none_is_refused_with_a_reason(content: bytes) -> None:
+    take = Take(OP3, hold(OP3, 0.1))
+    editor = Session(graph_of(MOTION, OP3, take.trajectory), take.trajectory, Path("edits.toml"), Path("edits.npz"))
+    code, _, answer = EditServer(Viewer((take,)), editor).act("edit", content)
+    assert code == 400 and json.loads(answer)["error"]
 
 
 @pytest.mark.parametrize(
@@ -119,12 +158,15 @@ def test_a_length_that_is_none_or_too_long_is_refused_unread(served: Served, len
     assert status(served, "POST /save", *head) == 413
 
 
-def test_a_page_that_is_closed_before_it_has_come_leaves_no_traceback(
-    served: Served, port: int, capfd: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    "head", ["GET /?token={} HTTP/1.1\r\nHost: localhost\r\n\r\n", "GET /?token={} HTTP/1.1\r\nHo"]
+)
+def test_a_connection_that_is_dropped_leaves_no_traceback(
+    served: Served, head: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    with socket.create_connection(("127.0.0.1", port), 5) as wire:
+    with socket.create_connection(("127.0.0.1", served.server.server_port), 5) as wire:
         wire.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
-        wire.sendall(f"GET /?token={served.token} HTTP/1.1\r\nHost: localhost:{port}\r\n\r\n".encode())
-        wire.recv(1)
-    time.sleep(0.5)
+        wire.sendall(head.format(served.token).encode())
+        time.sleep(0.2)
+    time.sleep(0.3)
     assert "Exception" not in capfd.readouterr().err

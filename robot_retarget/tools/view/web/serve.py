@@ -3,6 +3,7 @@
 import json
 import secrets
 import socket
+import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qs, urlsplit
 
 from robot_retarget.base.errors import RobotRetargetError, UsageError
+from robot_retarget.base.untrusted.documents import parse_json
 from robot_retarget.collision import warnings_of
 from robot_retarget.judge.report import Report
 from robot_retarget.tools.view.web.take import Viewer
@@ -28,10 +30,10 @@ HOST = "127.0.0.1"
 PORT = 8410
 LONGEST = 10_000
 """Longest message from a page [bytes]."""
-SILENCE = 10.0
-"""Longest time in which a page sends a request, or takes an answer [s]."""
+DEADLINE = 10.0
+"""Longest time from a connection to the end of its request, and in which a page takes an answer [s]."""
 MOST = 32
-"""Number of connections at once; more are closed."""
+"""Number of connections at once. One more closes the oldest whose request is not whole; without such a one it is closed itself."""
 STATE = 0.5
 """Interval of the state of a stream [s]."""
 OWN = {"localhost", "127.0.0.1", "::1"}
@@ -74,25 +76,50 @@ class Served:
 
 
 class _Server(ThreadingHTTPServer):
-    """A server with few threads."""
+    """A server with few threads, and a deadline for every request."""
 
     request_queue_size = MOST  # connections that wait: one beyond these is tried again after a second
 
     def __init__(self, address: tuple[str, int], handler: type[BaseHTTPRequestHandler]):
         self._free = BoundedSemaphore(MOST)
+        self._sending = dict[socket.socket, float]()
         super().__init__(address, handler)
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        if self._free.acquire(blocking=False):
-            super().process_request(request, client_address)
-        else:
-            self.shutdown_request(request)
+        if not self._free.acquire(blocking=False):
+            oldest = list(self._sending)[:1]
+            self._hang_up(*oldest)
+            if not self._free.acquire(timeout=DEADLINE * len(oldest)):
+                self.shutdown_request(request)
+                return
+        self._sending[request] = time.monotonic() + DEADLINE
+        super().process_request(request, client_address)
+
+    def service_actions(self) -> None:
+        """Close connections whose request is late; the server calls it after every request and several times a second."""
+        self._hang_up(*(each for each, until in list(self._sending.items()) if time.monotonic() > until))
+
+    def _hang_up(self, *late: socket.socket) -> None:
+        """Wake up the threads that read from connections."""
+        for each in late:
+            with suppress(OSError):
+                each.shutdown(socket.SHUT_RDWR)
+
+    def came(self, request: socket.socket) -> None:
+        """Note that a request is whole: the deadline is over."""
+        self._sending.pop(request, None)
 
     def process_request_thread(self, request: Any, client_address: Any) -> None:
         try:
             super().process_request_thread(request, client_address)
         finally:
+            self.came(request)
             self._free.release()
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Print a defect; dropped connections are silent."""
+        if not isinstance(sys.exception(), ConnectionError):
+            super().handle_error(request, client_address)
 
 
 Judge = Callable[[Trajectory], Report]
@@ -130,7 +157,7 @@ class EditServer:
             files = [str(path) for path in editor.save()]
             return HTTPStatus.OK, "application/json", json.dumps({"files": files}).encode()
         if what == "edit":
-            table = _bounded(json.loads(content))
+            table = _bounded(parse_json(content.decode(), "the edit", UsageError))
             editor.make(table, bool(table.pop("instead", False)))
         elif what in ("undo", "redo"):
             getattr(editor, what)()
@@ -165,7 +192,7 @@ def _bounded(table: Any) -> dict[str, Any]:
     if not isinstance(table, dict):
         raise ValueError("an edit is a table of keys and values")
     at = table.get("at")
-    return {**table, "at": [float(bound) for bound in at] if isinstance(at, list) else at}
+    return {**table, "at": [float(one) if isinstance(one, str) else one for one in at] if isinstance(at, list) else at}
 
 
 ACTS = ("edit", "undo", "redo", "save", "check", "judge", "record")
@@ -194,7 +221,7 @@ def serve(
     token = secrets.token_urlsafe(16)
 
     class Handler(BaseHTTPRequestHandler):
-        timeout = SILENCE
+        timeout = DEADLINE
 
         def parse_request(self) -> bool:
             if not super().parse_request():
@@ -215,7 +242,12 @@ def serve(
                 self.send_header(name, value)
             super().end_headers()
 
+        def _came(self) -> None:
+            assert isinstance(self.server, _Server)
+            self.server.came(self.connection)
+
         def do_GET(self) -> None:
+            self._came()
             if self._what in ("/", "/index.html"):
                 self._answer(HTTPStatus.OK, "text/html; charset=utf-8", edit_server.page)
             elif self._what == "/live" and following is not None:
@@ -247,6 +279,7 @@ def serve(
                 self.send_error(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"Content-Length is 0 to {LONGEST}")
             else:
                 content = self.rfile.read(int(length))
+                self._came()
                 self._answer(*edit_server.act(what, content))
 
         def _answer(self, status: HTTPStatus, kind: str, content: bytes) -> None:
