@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 from robot_retarget.judge.report import Report
 from robot_retarget.judge.verdict import CHECKS
+from robot_retarget.judge.worlds import NOMINAL
 from robot_retarget.scores.figure import shown
 from robot_retarget.scores.likeness import UNLIKE, compared_figures
 
@@ -46,7 +47,7 @@ FACTS = (
     Fact("draws", "randomised simulations", "", "with other mass, friction, servos, supply, floor and tilt"),
     Fact("tracking_rms_rad", "tracking error of all joints", "rad", "measured minus planned angle (rms), on the servos of the verdict"),
     Fact("servos", "servos of the verdict", "", "of the modelled, published and drawn ones those with the worst outcome"),
-    Fact("zmp_margin_m", "least margin of balance", "m", "distance of the zero moment point inside the soles; below 0 the robot tips over"),
+    Fact("zmp_margin_m", "least margin of balance", "m", "of the zero moment point to the edge of the soles; below 0 it is outside, and a sole begins to tip"),
     Fact("peak_supply_current_A", "largest current", "A", "peak load of the power supply"),
     Fact("energy_J", "energy", "J", "total from the supply"),
     Fact("tracked_self_contact_share", "time in self-contact", "of all", "on the servos, intended or not"),
@@ -101,7 +102,9 @@ def facts(figures: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """Return (what, value, meaning) of every reported figure of a simulation."""
     found = ((fact, figures.get(fact.figure)) for fact in FACTS)
     lines = [(fact.what, shown(value, fact.unit), fact.meaning) for fact, value in found if value is not None]
-    other = [f"{shown(figures[name], 'rad')} {on}" for name, on in ELSEWHERE.items() if figures.get(name) is not None]
+    same = () if figures.get("servos") != NOMINAL else ("nominal_tracking_rms_rad",)
+    elsewhere = ((figures.get(name), on) for name, on in ELSEWHERE.items() if name not in same)
+    other = [f"{shown(error, 'rad')} {on}" for error, on in elsewhere if error is not None]
     return [
         *lines,
         *([("the same elsewhere", ", ".join(other), "tracking error of all joints (rms)")] if other else []),

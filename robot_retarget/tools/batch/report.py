@@ -58,10 +58,14 @@ def save_page(rows: Sequence[Row], chosen: Sequence[Chosen], cards: Sequence[Cli
         height=HEIGHT,
         histograms=[found for name in SHOWN if (found := _histogram(rows, name))],
         cards=cards,
-        columns=["clip", "robot", "state", "left out because", "frames", *SHOWN, "message"],
+        columns=["clip", "robot", "state", "frames", *SHOWN],
         rows=[
-            [r.clip, r.robot, r.state, reasons.get(r.key, []), r.frames, *(r.figures.get(n) for n in SHOWN), r.message]
-            for r in rows
+            {
+                "values": [row.clip, row.robot, row.state, row.frames, *(row.figures.get(name) for name in SHOWN)],
+                "why": reasons.get(row.key, []),
+                "message": row.message,
+            }
+            for row in rows
         ],
         units={name: FIGURES[name].unit for name in SHOWN},
     )
@@ -83,11 +87,11 @@ def _kind(reason: str) -> str:
 
 
 def reasons_of(chosen: Sequence[Chosen]) -> dict[tuple[str, str], list[str]]:
-    """Return, by robot and clip, each reason with the filters that leave it out."""
+    """Return, by robot and clip that was solved, each reason with the filters that leave it out."""
     found: dict[tuple[str, str], dict[str, list[str]]] = {}
     for one in chosen:
         for row, reasons in one.rejected:
-            for reason in reasons:
+            for reason in reasons if row.state == DONE else ():
                 found.setdefault(row.key, {}).setdefault(reason, []).append(one.filter.name)
     return {
         key: [f"{reason}: {', '.join(names)}" if len(chosen) > 1 else reason for reason, names in by_reason.items()]

@@ -3,7 +3,7 @@
 import io
 import re
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,11 +26,10 @@ STYLE: dict[Any, Any] = {
     "text.color": INK,
     "axes.edgecolor": FAINT,
     "axes.labelcolor": INK,
-    "axes.titlesize": 9.5,
-    "axes.titlelocation": "left",
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
+    "axes.axisbelow": True,
     "grid.color": GRID,
     "grid.linewidth": 0.6,
     "xtick.color": INK,
@@ -40,8 +39,12 @@ STYLE: dict[Any, Any] = {
     "figure.facecolor": "none",
     "savefig.facecolor": "none",
 }
-WIDTH = 10.4
-"""Of every chart [inches]."""
+WIDTH = 4.7
+"""Of every chart [inches]: the width of a telephone at letters of their own size; the page puts two beside one another."""
+LETTERS = 40
+"""Longest line of a name beside a chart [letters]: half of its width."""
+LINE = 0.19
+"""Height of a name [inches]."""
 JOINTS = 6
 """Number of joints with curves, the worst first."""
 ANGLES = ("wanted", "plain", "measured")
@@ -50,28 +53,35 @@ PAIRS = 14
 """Number of pairs of links in the timeline, the earliest first."""
 
 
-def tracking(report: Report) -> str:
+KEYS = {
+    "wanted": ("axis", "wanted"), "plain": ("plain", "plain playback"), "measured": ("measured", "as played"),
+    "zmp": ("plain", "zero moment point"), "com": ("measured", "centre of mass"),
+    "warned": ("plain", "warned"), "touch": ("fail", "contact in the plan; triangle: contact on the servos begins"),
+}  # fmt: skip
+"""Of what is drawn: the page's name of its colour, and the meaning."""
+
+
+class Chart(NamedTuple):
+    """A picture and its name."""
+
+    name: str
+    svg: str
+
+
+def tracking(report: Report) -> list[Chart]:
     """Wanted, plain and measured angles of the joints that were worst without compensation."""
     series, names = report.series, report.joint_names
-    worst = np.argsort(-_plain_rms(report))[: min(JOINTS, len(names))]
 
-    def draw(figure: Any) -> None:
-        rows = (len(worst) + 1) // 2
-        grid = figure.subplots(rows, 2, sharex=True, squeeze=False)
-        for axes, joint in zip(grid.ravel(), worst, strict=False):
-            time, angles = series["time"], {kind: np.degrees(series[kind][:, joint]) for kind in ANGLES}
-            axes.plot(time, angles["wanted"], color=WANTED, lw=3.2, label="wanted")
-            if report.figures["compensated"]:
-                axes.plot(time, angles["plain"], color=PLAIN, lw=1, label="plain playback")
-            axes.plot(time, angles["measured"], color=MEASURED, lw=1.3, label="measured")
-            axes.set_title(f"{names[joint]} [°]")
-        for axes in grid.ravel()[len(worst) :]:
-            axes.set_axis_off()
-        for axes in grid[-1]:
+    def chart(joint: int) -> Chart:
+        def draw(axes: Any) -> None:
+            for kind, colour, width in zip(ANGLES, (WANTED, PLAIN, MEASURED), (3.2, 1, 1.3), strict=True):
+                if kind != "plain" or report.figures["compensated"]:
+                    axes.plot(series["time"], np.degrees(series[kind][:, joint]), color=colour, lw=width)
             axes.set_xlabel("time [s]")
-        figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=3)
 
-    return _svg("tracking", 1.45 * ((len(worst) + 1) // 2) + 0.6, draw)
+        return Chart(f"{names[joint]} [°]", _svg(f"tracking-{joint}", 1.5, draw))
+
+    return [chart(joint) for joint in np.argsort(-_plain_rms(report))[:JOINTS].tolist()]
 
 
 def _plain_rms(report: Report) -> Floats:
@@ -80,86 +90,86 @@ def _plain_rms(report: Report) -> Floats:
     return np.sqrt(np.nansum(error**2, axis=0) / max(int(np.isfinite(error).all(axis=1).sum()), 1))
 
 
-def errors(report: Report) -> str:
-    """The rms error of every joint, with and without compensation."""
-    joints = report.figures["joints"]
-    names = list(joints)
-    plain = _plain_rms(report)
-    order = {name: k for k, name in enumerate(report.joint_names)}
+def loads(report: Report) -> list[Chart]:
+    """The rms error of every joint, with and without compensation, and how much of its bound its servo gives over time."""
+    return [_errors(report), *_torques(report)]
 
-    def draw(figure: Any) -> None:
-        axes, place = figure.subplots(), np.arange(len(names))
+
+def _errors(report: Report) -> Chart:
+    joints, plain = report.figures["joints"], dict(zip(report.joint_names, _plain_rms(report), strict=True))
+
+    def draw(axes: Any) -> None:
+        place = np.arange(len(joints))
         if report.figures["compensated"]:
-            axes.bar(
-                place,
-                np.degrees([plain[order[n]] for n in names]),
-                0.72,
-                color=PLAIN,
-                alpha=0.45,
-                label="plain playback",
-            )
-        axes.bar(place, np.degrees([joints[n]["rms_rad"] for n in names]), 0.44, color=MEASURED, label="as played")
-        axes.set_xticks(place, names, rotation=55, ha="right", rotation_mode="anchor")
-        axes.set_ylabel("rms error [°]")
-        axes.grid(axis="x", visible=False)
-        axes.margins(x=0.01)
-        figure.legend(loc="outside upper right", ncols=2)
+            axes.barh(place, np.degrees([plain[name] for name in joints]), 0.72, color=PLAIN, alpha=0.45)
+        axes.barh(place, np.degrees([own["rms_rad"] for own in joints.values()]), 0.44, color=MEASURED)
+        _named(axes, list(joints))
+        axes.grid(axis="y", visible=False)
 
-    return _svg("errors", 2.5, draw)
+    return Chart("rms error [°]", _svg("errors", _height(list(joints)), draw))
 
 
-def torques(report: Report) -> str:
-    """How much of its bound each servo gives, over time."""
+def _torques(report: Report) -> list[Chart]:
     from matplotlib.colors import LinearSegmentedColormap
 
     bounds, names = report.series["bounds"], report.joint_names
     known = [names.index(joint) for joint in report.figures["joints"] if np.isfinite(bounds[names.index(joint)])]
-    share = np.abs(report.series["torque"][:, known]) / bounds[known]
+    share, shown = np.abs(report.series["torque"][:, known]) / bounds[known], [names[k] for k in known]
+    if not share.size:
+        return []
 
-    def draw(figure: Any) -> None:
-        axes = figure.subplots()
+    def draw(axes: Any) -> None:
         time = report.series["time"]
         span = (time[0], time[-1] if len(time) > 1 else 1.0, len(known) - 0.5, -0.5)
         heat = LinearSegmentedColormap.from_list("loads", LOADS)
         image = axes.imshow(share.T, aspect="auto", extent=span, vmin=0, vmax=1, cmap=heat, interpolation="nearest")
-        axes.set_yticks(range(len(known)), [names[k] for k in known])
+        _named(axes, shown)
         axes.set_xlabel("time [s]")
         axes.grid(visible=False)
-        bar = figure.colorbar(image, ax=axes, pad=0.01, aspect=30)
-        bar.set_label("torque / limit")
-        bar.outline.set_visible(False)
+        axes.figure.colorbar(image, ax=axes, pad=0.02, aspect=30).outline.set_visible(False)
 
-    return _svg("torques", 0.19 * len(known) + 0.9, draw) if known and len(share) else ""
+    return [Chart("torque / limit", _svg("torques", _height(shown), draw))]
 
 
-def balance(report: Report) -> str:
-    """The centre of mass and the zero moment point over the soles, and how far inside they stay."""
+def _height(names: list[str]) -> float:
+    """Height of a chart with a row for each name [inches]."""
+    return LINE * sum(len(_lines(name)) for name in names) + 0.6
+
+
+def _lines(name: str) -> list[str]:
+    return [name[k : k + LETTERS] for k in range(0, len(name), LETTERS)]
+
+
+def _named(axes: Any, names: list[str]) -> None:
+    """Put a name beside each row, the first at the top."""
+    axes.set_yticks(range(len(names)), ["\n".join(_lines(name)) for name in names])
+    axes.set_ylim(len(names) - 0.5, -0.5)
+
+
+def balance(report: Report) -> list[Chart]:
+    """The centre of mass and the zero moment point over the soles, and how far inside them they stay."""
     series = report.series
     if "com" not in series:
-        return ""
-
+        return []
     time, fall = series["state_time"], report.figures.get("fall_s")
     standing = (time >= 0) & (time < (np.inf if fall is None else fall))
 
-    def draw(figure: Any) -> None:
-        plan, margin = figure.subplots(1, 2, width_ratios=(1, 1.25))
-        _floor_plan(plan, {name: series[name][standing] for name in ("soles", "down", "zmp", "com")})
-        for name, colour, label in (
-            ("zmp_margin", PLAIN, "zero moment point"),
-            ("com_margin", MEASURED, "centre of mass"),
-        ):
-            margin.plot(time, 100 * np.where(standing, series[name], np.nan), color=colour, lw=1.2, label=label)
-        margin.axhline(0, color=ALARM, lw=1)
+    def margin(axes: Any) -> None:
+        for name, colour in (("zmp_margin", PLAIN), ("com_margin", MEASURED)):
+            axes.plot(time, 100 * np.where(standing, series[name], np.nan), color=colour, lw=1.2)
+        axes.axhline(0, color=ALARM, lw=1)
         if fall is not None:
-            margin.axvline(fall, color=ALARM, lw=1, ls="--")
-            margin.text(fall, 1, " fell", color=ALARM, transform=margin.get_xaxis_transform(), va="top")
+            axes.axvline(fall, color=ALARM, lw=1, ls="--")
+            axes.text(fall, 1, "fell ", color=ALARM, transform=axes.get_xaxis_transform(), va="top", ha="right")
         seen = 100 * np.concatenate([series[name][standing] for name in ("com_margin", "zmp_margin")])
-        margin.set_ylim(max(np.nanmin(seen, initial=0) - 1, -15), np.nanmax(seen, initial=1) + 1)
-        margin.set_title("margin to the edge of the support [cm]")
-        margin.set_xlabel("time [s]")
-        margin.legend(loc="lower right", ncols=2)
+        axes.set_ylim(max(np.nanmin(seen, initial=0) - 1, -15), np.nanmax(seen, initial=1) + 1)
+        axes.set_xlabel("time [s]")
 
-    return _svg("balance", 3.4, draw)
+    def plan(axes: Any) -> None:
+        _floor_plan(axes, {name: series[name][standing] for name in ("soles", "down", "zmp", "com")})
+
+    drawn = ("from above", "balance", plan), ("margin to the edge of the support", "margin", margin)
+    return [Chart(f"{name} [cm]", _svg(own, 3.4, draw)) for name, own, draw in drawn]
 
 
 def _floor_plan(axes: Any, series: Any) -> None:
@@ -178,45 +188,43 @@ def _floor_plan(axes: Any, series: Any) -> None:
             outlines.append(100 * outline)
             last = outline
     axes.add_collection(PolyCollection(outlines, facecolors="#0b72850f", edgecolors="#0b728566", linewidths=0.8))
-    axes.plot(*(100 * series["zmp"]).T, color=PLAIN, lw=0.8, label="zero moment point")
-    axes.plot(*(100 * series["com"]).T, color=MEASURED, lw=1.6, label="centre of mass")
+    axes.plot(*(100 * series["zmp"]).T, color=PLAIN, lw=0.8)
+    axes.plot(*(100 * series["com"]).T, color=MEASURED, lw=1.6)
     axes.set_aspect("equal", adjustable="box")
     if outlines:
         every = np.concatenate(outlines)
         low, high = every.min(0) - 2, every.max(0) + 2
         axes.set_xlim(low[0], high[0])
         axes.set_ylim(low[1], high[1])
-    axes.set_title("from above [cm]")
 
 
-def timeline(report: Report, warnings: Warnings | None) -> str:
+def timeline(report: Report, warnings: Warnings | None) -> list[Chart]:
     """Draw the warnings of each pair, its contacts in the plan, and the start of its contacts on the servos."""
     if warnings is None or not warnings.flagged.any():
-        return ""
+        return []
     shown = np.flatnonzero(warnings.flagged.any(axis=0))
     shown = shown[np.argsort(warnings.flagged[:, shown].argmax(axis=0), kind="stable")][:PAIRS]
 
-    def draw(figure: Any) -> None:
-        axes = figure.subplots()
+    def draw(axes: Any) -> None:
         for row, pair in enumerate(shown):
             for flags, colour, alpha in ((warnings.flagged, PLAIN, 0.55), (warnings.touching, ALARM, 1.0)):
                 bars = [
                     (first / warnings.fps, (stop - first) / warnings.fps) for first, stop in intervals(flags[:, pair])
                 ]
-                axes.broken_barh(bars, (row - 0.36, 0.72), color=colour, alpha=alpha, lw=0)
+                axes.broken_barh(bars, (row, 0.4), color=colour, alpha=alpha, lw=0)
             at = [time for links, time in report.touches if links == frozenset(warnings.pairs[pair])]
-            axes.plot(at, [row] * len(at), "v", color=ALARM, ms=4.5, mew=0)
-        axes.set_yticks(range(len(shown)), [" – ".join(warnings.pairs[pair]) for pair in shown])
-        axes.set_ylim(len(shown) - 0.4, -0.6)
+            axes.plot(at, [row + 0.2] * len(at), "v", color=ALARM, ms=4.5, mew=0)
+            axes.text(0, row - 0.05, " – ".join(warnings.pairs[pair]), va="bottom")
+        axes.set_yticks([])
+        axes.set_ylim(len(shown) - 0.5, -0.7)
         axes.set_xlim(0, max(len(warnings) - 1, 1) / warnings.fps)
         axes.set_xlabel("time [s]")
-        axes.grid(axis="y", visible=False)
 
-    return _svg("timeline", 0.24 * len(shown) + 0.8, draw)
+    return [Chart("", _svg("timeline", 0.34 * len(shown) + 0.6, draw))]
 
 
 def _svg(name: str, height: float, draw: Callable[[Any], None]) -> str:
-    """What `draw` puts on a figure, as an `<svg>` element for a page; ids are the chart's own."""
+    """What `draw` puts on axes, as an `<svg>` element for a page; ids are the chart's own."""
     import matplotlib
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
@@ -224,7 +232,7 @@ def _svg(name: str, height: float, draw: Callable[[Any], None]) -> str:
     with matplotlib.rc_context({**STYLE, "svg.hashsalt": name, "svg.id": name}):
         figure = Figure(figsize=(WIDTH, height), layout="constrained")
         FigureCanvasSVG(figure)
-        draw(figure)
+        draw(figure.subplots())
         text = io.StringIO()
         figure.savefig(text, format="svg", metadata={"Date": None})
     return _themed(text.getvalue()[text.getvalue().index("<svg") :])

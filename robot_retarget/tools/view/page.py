@@ -105,23 +105,26 @@ def _base64(data: bytes) -> str:
     return base64.b64encode(data).decode("ascii")
 
 
-def _charts(report: Report, warnings: Warnings | None) -> list[tuple[str, str, str]]:
-    """Return the title, the explanation and the SVG of every chart that has something to show."""
-    planned = "" if report.figures["mode"] == "free" else ", as planned"
-    drawn = (
-        ("Tracking", "the joints with the largest error in plain playback", lambda: charts.tracking(report)),
-        ("Error by joint", "", lambda: charts.errors(report)),
-        ("Torque against its limit", "", lambda: charts.torques(report)),
-        ("Balance" + planned, "over the soles, and how far inside them", lambda: charts.balance(report)),
-        (
-            "Warnings of contact",
-            "bars: warnings; red: contacts in the plan; triangles: start of contacts on the servos",
-            lambda: charts.timeline(report, warnings),
-        ),
-    )
+def _charts(
+    report: Report, warnings: Warnings | None
+) -> list[tuple[str, str, list[tuple[str, str]], list[charts.Chart]]]:
+    """Return the title, the explanation, the keys and the charts of every section that has something to show."""
     if not len(report.series.get("time", ())):
         return []
-    return [(title, meaning, chart) for title, meaning, draw in drawn if (chart := draw())]
+    planned, plain = (
+        "" if report.figures["mode"] == "free" else ", as planned",
+        ("plain",) * report.figures["compensated"],
+    )
+    worst = "the joints with the largest error in plain playback"
+    drawn = (
+        ("Tracking", worst, ("wanted", *plain, "measured"), charts.tracking(report)),
+        ("Error and torque by joint", "", (*plain, "measured"), charts.loads(report)),
+        ("Balance" + planned, "over the soles, and how far inside them", ("zmp", "com"), charts.balance(report)),
+        ("Warnings of contact", "", ("warned", "touch"), charts.timeline(report, warnings)),
+    )
+    return [
+        (title, meaning, [charts.KEYS[key] for key in keys], found) for title, meaning, keys, found in drawn if found
+    ]
 
 
 def _joint_heads(joints: Any) -> dict[str, str]:

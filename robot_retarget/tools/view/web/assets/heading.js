@@ -12,9 +12,8 @@ function verdictOf({ badge, reasons, stale }) {
 }
 
 export class Heading {
-  constructor(holder) {
-    this.lines = made("div", { id: "heading" });
-    holder.append(this.lines);
+  constructor() {
+    this.lines = document.getElementById("heading");
   }
 
   update(takes) {

@@ -14,6 +14,7 @@ import { Timeline } from "#timeline";
 import { Touch } from "#touch";
 
 const ROOMY = 1.08; // what is shown is so much smaller than the picture
+const LABEL = 19; // height of a label [pixels]
 const MOMENTS = 12; // of a clip, at which the camera's distance is measured
 const scene = document.getElementById("scene"), canvas = document.getElementById("canvas");
 const show = await embedded();
@@ -28,31 +29,36 @@ stage.after.push(() => {
   const { clientWidth, clientHeight } = scene, several = casts.length > 1;
   const said = casts.flatMap((cast, k) => [...cast.labels(), ...(several ? [{ ...cast.nameplate(), color: hue(k) }] : [])]);
   while (labels.children.length < said.length) labels.append(document.createElement("div"));
-  let below = -Infinity;
   const placed = said.map((label) => {
     place.copy(label.at).project(stage.camera);
     return { ...label, x: ((place.x + 1) / 2) * clientWidth, y: ((1 - place.y) / 2) * clientHeight };
   }).sort((a, b) => a.y - b.y);
+  apart(placed.filter((label) => label.kind !== "name"), clientHeight);
   [...labels.children].forEach((element, k) => {
     const label = placed[k];
     element.hidden = !label;
     if (!label) return;
-    if (label.kind !== "name") below = Math.max(label.y, below + 19); // one under the other where they would overlap
     element.className = label.kind;
     element.textContent = label.text;
     element.style.borderBottomColor = label.color ?? "";
     const over = label.kind === "name"; // its lower edge is where the head is
-    const [x, y] = over ? [label.x - element.offsetWidth / 2, label.y - element.offsetHeight] : [label.x + 12, below - 9];
+    const [x, y] = over ? [label.x - element.offsetWidth / 2, label.y - element.offsetHeight] : [label.x + 12, label.y - 9];
     const inside = Math.max(0, Math.min(x, clientWidth - element.offsetWidth));
     element.style.transform = `translate(${inside}px, ${y}px)`;
   });
 });
 
+/** Labels one under the other where they would overlap, the last above the lower edge of the picture. */
+function apart(said, bottom) {
+  said.forEach((label, k) => (label.y = Math.max(label.y, 9, k ? said[k - 1].y + LABEL : 0)));
+  said.toReversed().forEach((label, k, all) => (label.y = Math.min(label.y, k ? all[k - 1].y - LABEL : bottom - LABEL / 2 - 1)));
+}
+
 const exported = new Export({ scene, stage, player, title: takes.map((take) => take.title).join(" ") });
 const panel = new Panel(player, stage, casts, exported);
 const timeline = new Timeline(player, [...takes]);
 const charts = new Charts(player, [...takes]);
-const heading = new Heading(scene);
+const heading = new Heading();
 heading.update(takes);
 
 /** The middle of everything that is looked at. */
