@@ -49,7 +49,8 @@ def long_robot(folder: Path) -> Robot:
 
 def long_report(robot: Robot) -> tuple[Report, Trajectory]:
     """A report with a reason for nearly every limit, two of them of 400 characters."""
-    moved = swing(robot, robot.joint_names[0], 0.9, 0.5, 1.0, 50.0)
+    source = "captured/session_03/" + "a_clip_with_a_long_name_" * 3 + ".bvh"
+    moved = replace(swing(robot, robot.joint_names[0], 0.9, 0.5, 1.0, 50.0), source=source)
     found = simulate(moved, robot, mode="pinned", draws=0, others=False, warnings=warnings_of(moved, robot))
     name = robot.joint_names[3]
     overlap = {"bodies": ["left_arm_segment_9" * 10, "right_leg_segment_9" * 9], "depth_m": 0.0123, "frames": 214}
@@ -67,16 +68,13 @@ def long_report(robot: Robot) -> tuple[Report, Trajectory]:
         found, verdict="fail", reasons=judge(figures, most), unlike=unlikeness(figures, most), figures=figures
     )
     assert report.trajectory is not None
-    return report, replace(report.trajectory, source="captured/session_03/" + "a_clip_with_a_long_name_" * 3 + ".bvh")
+    return report, report.trajectory
 
 
 def report_page(robot: Robot, folder: Path) -> Path:
     """`report.html`."""
     report, played = long_report(robot)
-    report = replace(report, trajectory_sha256=played.sha256 if hasattr(played, "sha256") else report.trajectory_sha256)
-    written = save_report(
-        report, report.trajectory or played, folder / "report.html", warnings=warnings_of(played, robot)
-    )
+    written = save_report(report, played, folder / "report.html", warnings=warnings_of(played, robot))
     assert isinstance(written, Path)
     return written
 

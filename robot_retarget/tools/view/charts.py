@@ -40,9 +40,9 @@ STYLE: dict[Any, Any] = {
     "savefig.facecolor": "none",
 }
 WIDTH = 4.7
-"""Of every chart [inches]: the width of a telephone at letters of their own size; the page puts two beside one another."""
+"""Width of every chart [inches]: a telephone shows it at its own size, and a wide page shows two in a row."""
 LETTERS = 40
-"""Longest line of a name beside a chart [letters]: half of its width."""
+"""Longest line of a name beside a chart [letters]: about half of its width."""
 LINE = 0.19
 """Height of a name [inches]."""
 JOINTS = 6
@@ -58,7 +58,7 @@ KEYS = {
     "zmp": ("plain", "zero moment point"), "com": ("measured", "centre of mass"),
     "warned": ("plain", "warned"), "touch": ("fail", "contact in the plan; triangle: contact on the servos begins"),
 }  # fmt: skip
-"""Of what is drawn: the page's name of its colour, and the meaning."""
+"""Colour of the page and meaning, for every series."""
 
 
 class Chart(NamedTuple):
@@ -141,7 +141,7 @@ def _lines(name: str) -> list[str]:
 
 
 def _named(axes: Any, names: list[str]) -> None:
-    """Put a name beside each row, the first at the top."""
+    """Write a name next to each row, the first at the top."""
     axes.set_yticks(range(len(names)), ["\n".join(_lines(name)) for name in names])
     axes.set_ylim(len(names) - 0.5, -0.5)
 
