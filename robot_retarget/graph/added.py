@@ -218,6 +218,12 @@ def reach_between(match: Match, robot: Robot, ends: tuple[End, End]) -> float:
     return one + other + chain
 
 
+def body_of(match: Match, robot: Robot, end: End) -> int | None:
+    """Return the body that carries a checked end; None of a place in the world."""
+    point = _carrier(match, robot, end)
+    return None if point is None else point[0]
+
+
 def _carrier(match: Match, robot: Robot, end: End) -> tuple[int, float] | None:
     """The body that carries an end and the end's distance from the body's origin [m]; None of a place in the world."""
     if isinstance(end, str):

@@ -242,13 +242,14 @@ class Inequalities:
         """The edges of each kind among these rows."""
         own_edges = [edge for t in own for edge in range(every[t.name].start, every[t.name].stop)]
         self.edges: Ints | slice = as_slice(np.array(own_edges, dtype=int))
-        self._below = _where([np.isfinite(t.lower).any(axis=0) | t.kind.follows_human for t in own])
+        self.below: Ints = _where([np.isfinite(t.lower).any(axis=0) | t.kind.follows_human for t in own])
+        """The edges among these that have a lower bound: the first rows."""
         self._above = _where([np.isfinite(t.upper).any(axis=0) | t.kind.follows_human for t in own])
         self._raising: Ints | slice = as_slice(_where([np.full(len(t), t.kind.raises_root) for t in own]))
-        self._rows: Ints | slice = as_slice(self._below)
+        self._rows: Ints | slice = as_slice(self.below)
 
     def __len__(self) -> int:
-        return len(self._below) + len(self._above)
+        return len(self.below) + len(self._above)
 
     def rows(self, q: Floats, targets: Targets) -> tuple[Floats, Floats]:
         """Return slopes (…, R, nv) and deficits (…, R), bound minus value, at configurations (…, nq)."""

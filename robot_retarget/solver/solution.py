@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -37,6 +37,10 @@ class UnmetEdge:
     """Limits that are active there; may be empty."""
     by_user: bool = False
     """Whether a user added the edge."""
+
+    def later(self, frames: int) -> "UnmetEdge":
+        """Return the finding of a part of a clip that begins a number of frames later."""
+        return replace(self, frames=tuple(t + frames for t in self.frames), frame=self.frame + frames)
 
     @property
     def sentence(self) -> str:
@@ -193,7 +197,7 @@ def _reasons(
     solver: FrameSolver, fps: float, bounds: JointBounds, targets: Targets, qpos: Floats, t: int, away: Floats
 ) -> Iterator[str]:
     """The limits that are active at a frame and oppose a motion of the hinges (n,) towards an interval."""
-    robot = solver.robot
+    robot, away = solver.robot, np.where(bounds.lower[t] < bounds.upper[t], away, 0.0)
     if np.abs(away).max(initial=0.0) < STATIONARY:
         yield "no joint brings it closer: the distance is at its extremum"
         return
@@ -207,6 +211,7 @@ def _reasons(
         elif _at_speed(angles, reach, t, int(k), float(np.sign(away[k]))):
             yield f"{robot.joint_names[k]} is at its speed limit ({bounds.speed[t, k]:.1f} rad/s)"
     yield from _links(solver, targets, qpos[t], away)
+    yield from _floor(solver, targets, qpos[t], away)
 
 
 def _slope(solver: FrameSolver, qpos: Floats, t: int, track: Track, edge: int) -> Floats:
@@ -242,3 +247,12 @@ def _links(solver: FrameSolver, targets: Targets, q: Floats, away: Floats) -> It
     ends = [pair for track in solver.problem.tracks for pair in track.ends]
     for a, b in sorted({ends[edge] for edge in near.edges[opposing]}):
         yield f"{a} and {b} are at their separation"
+
+
+def _floor(solver: FrameSolver, targets: Targets, q: Floats, away: Floats) -> Iterator[str]:
+    """The lowest point on the floor, of those that a motion of the hinges (n,) lowers."""
+    problem, (slopes, deficit) = solver.problem, solver.problem.inequalities.rows(q, targets)
+    ends = [end for track in problem.tracks if track.name in problem.inequalities.columns for end in track.ends]
+    opposing = (-deficit < AT_BOUND) & (slopes[:, solver.hinges] @ away < 0)
+    for k in np.flatnonzero(opposing[: len(problem.inequalities.below)])[:1]:
+        yield " is on the ".join(ends[problem.inequalities.below[k]])

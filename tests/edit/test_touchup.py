@@ -6,11 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from forked import run
+from scipy.spatial.transform import Rotation
 from shared_files import ROOT
 
 import robot_retarget as rr
 from robot_retarget.base.errors import GraphError, UsageError
-from robot_retarget.edit.touchup import AROUND, Session, apply_edit, graph_of
+from robot_retarget.edit.touchup import Session, apply_edit, graph_of
+from robot_retarget.edit.window import AROUND
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.edits import Edit
 from robot_retarget.robot import load_robot, world_points
@@ -136,6 +138,30 @@ def test_what_was_asked_for_is_said_in_the_words_of_the_form(
 def test_an_edge_out_of_reach_names_the_joints_that_stop_it(solved: tuple[RobotGraph, Trajectory]) -> None:
     graph, trajectory = solved
     feet = world_points(OP3, graph.match.points, trajectory.qpos)[33, graph.match.index("l_ankle")]
-    far = {"a": "l_hand", "b": [round(float(v), 3) for v in np.add(feet, [0, 0.6, 0.5])], "at": 0, "frames": [30, 36]}
-    done = apply_edit(graph, trajectory, Edit("edge", {**far, "priority": 1e4}))
-    assert any(f"{joint} is at its" in done.reached for joint in OP3.joint_names), done.reached
+    for end, way in (("l_ankle", [0.15, 0.0, 0.45]), ("l_hand", [0.0, 0.6, 0.5])):
+        far = {"a": end, "b": [round(float(v), 3) for v in np.add(feet, way)], "at": 0, "frames": [30, 36]}
+        done = apply_edit(graph, trajectory, Edit("edge", {**far, "priority": 1e4}))
+        stopped = any(f"{joint} is at its" in done.reached for joint in OP3.joint_names)
+        assert stopped or "at its extremum" in done.reached, done.reached
+        assert "solve --edges" in done.reached
+
+
+@pytest.mark.parametrize("name", ["op3", "g1_class", "toddler_class"])
+def test_a_hand_or_foot_that_is_dragged_moves_without_the_trunk_and_comes_near_or_says_what_holds_it(name: str) -> None:
+    robot, motion = load_robot(name), MOTION.frames(0, 32)
+    stand = np.tile(robot.standing(), (32, 1))
+    trajectory = Trajectory(stand, 30.0, robot.joint_names, name, "wave.bvh", source_time=motion.source_time)
+    graph = graph_of(motion, robot, trajectory)
+    points = world_points(robot, graph.match.points, stand[:1])[0]
+    for end, way in (("l_hand", [0.06, -0.12, 0.06]), ("r_ankle", [0.05, 0.0, 0.12])):
+        place = (points[graph.match.index(end)] + way).tolist()
+        table = {"a": end, "b": place, "at": 0, "frames": [12, 19], "hard": True}
+        done = apply_edit(graph, trajectory, Edit("edge", table))
+        turned = Rotation.from_quat(done.trajectory.qpos[:, 3:7], scalar_first=True).magnitude()
+        assert np.degrees(np.abs(turned - turned[0])).max() < 1, end
+        places = world_points(robot, graph.match.points, done.trajectory.qpos[12:20])[:, graph.match.index(end)]
+        away = np.linalg.norm(places - place, axis=1).max()
+        assert away < 0.5 * np.linalg.norm(way), end
+        assert away < 0.01 or "at its joint range" in done.reached or "at their separation" in done.reached, (
+            done.reached
+        )
