@@ -39,7 +39,7 @@ class Capture:
     up: str | None = None
     """The signed axis that points up, such as `+y`, where the format fixes it; else it is inferred from the poses."""
     camera: bool = False
-    """Whether positions are in the frame of a camera, whose up axis may be tilted."""
+    """Whether positions may be in the frame of a camera: x right, y down, z away, and the up axis −y tilted."""
 
     def __post_init__(self) -> None:
         for values in (self.positions, self.rotations):

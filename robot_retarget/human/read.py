@@ -92,9 +92,13 @@ def _hashed(file: Path, clip: str | None) -> str:
 
 
 def _part(path: Path) -> tuple[Path, str | None]:
-    """`FILE#NAME` as the file and the name of a motion in it; a file whose own name has a # is that file."""
-    name, mark, clip = path.name.rpartition("#")
-    return (path.with_name(name), clip) if mark and name and not path.exists() else (path, None)
+    """`FILE#NAME` as the file and the name of a motion in it, which may have slashes; a file whose own name has a # is that file."""
+    text = str(path)
+    marks = [k for k, letter in enumerate(text) if letter == "#" and k]
+    if not marks or path.exists():
+        return path, None
+    cut = next((k for k in marks if Path(text[:k]).is_file()), marks[-1])
+    return Path(text[:cut]), text[cut + 1 :]
 
 
 def _refuse_unused(request: Request, takes: frozenset[str], title: str) -> None:

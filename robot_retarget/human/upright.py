@@ -110,6 +110,8 @@ UNITS = {
 """Metres in each unit that exporters use. The CMU library divides inches by 0.45."""
 STATURES = (1.2, 2.1)
 """Statures between which a unit of the table is accepted [m]."""
+DOWN = "-y"
+"""The axis that points up in the frame of a camera that stands level."""
 TALLEST = 8.0
 """Maximum stature of a body in leg lengths [-]; adults have 2, cartoon figures 4."""
 
@@ -147,7 +149,7 @@ def upright(
     metres, unit_note = unit_of(recognition, capture.positions, height)
     raw, (capture, broken) = capture, repaired(capture, recognition, metres, RepairRule(mend=repair))
     axis, axis_notes = _up(recognition, capture, raw, metres) if given is None else (given, ())
-    if capture.camera:
+    if capture.camera and axis == DOWN:
         capture, tilt = levelled(capture, recognition, turn_to_z(axis)[2])
         axis_notes = (*axis_notes, tilt)
     level = metres * capture.positions @ turn_to_z(axis).T

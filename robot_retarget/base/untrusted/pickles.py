@@ -2,7 +2,8 @@
 
 A pickle is a program. This reader makes numbers, text, lists, tuples, dicts, sets and plain arrays, the latter from a
 checked head alone; a pickle that names anything else is refused before it is made. Joblib writes the bytes of arrays
-between the instructions; PyTorch writes a zip of a pickle and the bytes of its tensors.
+between the instructions; PyTorch writes a zip of a pickle and the bytes of its tensors; NumPy writes a pickle after the head of
+an array of objects.
 """
 
 import io
@@ -20,7 +21,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from robot_retarget.base.errors import FileError
-from robot_retarget.base.untrusted.arrays import PLAIN, Head
+from robot_retarget.base.untrusted.arrays import PLAIN, Head, read_head
 from robot_retarget.base.untrusted.limits import (
     LIMITS,
     is_zip,
@@ -37,13 +38,13 @@ PROTOCOL = 4
 
 
 def load_pickle(path: Path) -> Any:
-    """Read the contents of a pickle, of a joblib file, packed or not, or of a `.pt` of PyTorch 1.6 or later.
+    """Read the contents of a pickle, of a joblib file, packed or not, of a `.pt` of PyTorch 1.6 or later, or of NumPy's objects.
 
     Raises:
         FileError: it cannot be read, would make anything but data, or takes more memory than its limit.
     """
     with refusing(path, "pickle"):
-        return _load_torch(path) if is_zip(path) else _load(unpacked(path), LIMITS.unpacked(path), {}.__getitem__)
+        return _load_zip(path) if is_zip(path) else _load_file(unpacked(path), LIMITS.unpacked(path))
 
 
 def parse_pickle(program: bytes, limit: int) -> Any:
@@ -55,21 +56,40 @@ def parse_pickle(program: bytes, limit: int) -> Any:
     Raises:
         UnpicklingError: it would make anything but data.
     """
-    return _load(program, limit, {}.__getitem__)
+    return _load(program, limit, _no_storage)
 
 
-def _load_torch(path: Path) -> Any:
+def _load_file(data: bytes, limit: int) -> Any:
+    """The contents of a pickle, or of an `.npy` of objects."""
+    stream = io.BytesIO(data)
+    if data.startswith(np.lib.format.MAGIC_PREFIX):
+        read_head(stream)
+    return parse_pickle(stream.read(), limit)
+
+
+def _no_storage(name: str, size: int) -> bytes:
+    raise pickle.UnpicklingError(f"a tensor {one_line(name, 80)} of {size} bytes outside a file of PyTorch")
+
+
+def _load_zip(path: Path) -> Any:
     with opened_zip(path, "file of PyTorch") as archive:
         index = next((name for name in archive.namelist() if name.endswith("data.pkl")), None)
+        arrays = [name for name in archive.namelist() if name.endswith(".npy")]
+        if index is None and arrays:
+            limit = LIMITS.unpacked(path)
+            members = {name.removesuffix(".npy"): member_bytes(archive, name, path) for name in arrays}
+            return {name: _load_file(data, limit) for name, data in members.items()}
         if index is None:
             listed = one_line(", ".join(archive.namelist()) or "nothing")
             raise FileError(f"{path}: a zip without a pickle of PyTorch; it holds {listed}")
         folder = index.removesuffix("data.pkl")
         program = member_bytes(archive, index, path)
-        return _load(program, LIMITS.unpacked(path), lambda name: member_bytes(archive, f"{folder}data/{name}", path))
+        return _load(
+            program, LIMITS.unpacked(path), lambda name, size: member_bytes(archive, f"{folder}data/{name}", path)
+        )
 
 
-def _load(program: bytes, limit: int, storage: Callable[[str], bytes]) -> Any:
+def _load(program: bytes, limit: int, storage: Callable[[str, int], bytes]) -> Any:
     value = _DataUnpickler(program, limit, storage).load()
     require_tree(value, len(program), limit)
     return value
@@ -111,7 +131,7 @@ class _DataUnpickler(pickle._Unpickler):  # the compiled one cannot stop at jobl
 
     dispatch: ClassVar[dict[int, Any]] = dict(pickle._Unpickler.dispatch)
 
-    def __init__(self, program: bytes, limit: int, storage: Callable[[str], bytes]):
+    def __init__(self, program: bytes, limit: int, storage: Callable[[str, int], bytes]):
         self.stream = io.BytesIO(program)
         super().__init__(self.stream)
         self.limit, self.storage = limit, cache(storage)
@@ -125,7 +145,7 @@ class _DataUnpickler(pickle._Unpickler):  # the compiled one cannot stop at jobl
         if named not in _MAKERS:
             raise pickle.UnpicklingError(
                 f"the pickle wants to make {one_line(module, 80)}.{one_line(name, 80)}, which could run code; only "
-                "arrays, numbers, text, lists and dicts are read: save it again as such in the program that made it"
+                "arrays, numbers, text, lists and dicts are read: save it again as such in the program that made it (docs/motions.md#files-of-pytorch)"
             )
         return lambda *arguments: self._counted(_MAKERS[named](*arguments))
 
@@ -143,6 +163,11 @@ class _DataUnpickler(pickle._Unpickler):  # the compiled one cannot stop at jobl
             self.stack[-1] = self._counted(self._joblib_array(state))  # type: ignore[attr-defined]
         elif isinstance(built, _Type):
             built.plain = built.plain.newbyteorder(state[1])
+        elif isinstance(built, np.ndarray) and _type(state[2]).plain.hasobject:
+            _, shape, _, _, objects = state
+            if shape != () or built.size:
+                raise pickle.UnpicklingError("an array of several objects; only one dict or list is read")
+            self.stack[-1] = objects[0]  # type: ignore[attr-defined]
         elif isinstance(built, np.ndarray):
             _, shape, kind, fortran, data = state
             made = self._counted(_array(shape, kind, data))  # checked; the same array stays in the pickle's memory
@@ -161,8 +186,8 @@ class _DataUnpickler(pickle._Unpickler):  # the compiled one cannot stop at jobl
 
     def persistent_load(self, pid: Any) -> np.ndarray:
         """The numbers of a tensor: their type, the name of their file, the place they had, and their count."""
-        _, kind, name, _, count = pid
-        data = self.storage(str(name))
+        _, kind, name, _, count, *_ = pid
+        data = self.storage(str(name), count * kind.itemsize)
         return self._counted(np.frombuffer(data, _head((count,), kind, len(data)).dtype, count))
 
 
@@ -181,7 +206,7 @@ def _type(kind: Any, *_: Any) -> _Type:
     """The type of plain numbers or text by its name, as `<f8`."""
     if isinstance(kind, _Type):
         return kind
-    if not (isinstance(kind, str) and re.fullmatch(rf"[<>|=]?[{PLAIN}]\d{{1,5}}", kind)):
+    if not (isinstance(kind, str) and re.fullmatch(rf"[<>|=]?[{PLAIN}]\d{{1,5}}|O8", kind)):
         raise pickle.UnpicklingError(f"an array of {one_line(repr(kind), 80)}, which is not plain numbers or text")
     return _Type(np.dtype(kind))
 
@@ -215,6 +240,14 @@ def _latin(text: str, encoding: str) -> bytes:
     return text.encode("latin-1" if encoding in ("latin1", "latin-1") else "ascii")
 
 
+def _lone_storage(data: bytes) -> np.ndarray:
+    """The numbers of a tensor that was pickled without `torch.save`: three values that are not needed, the description, a list
+    of names, a count of 8 bytes, and the numbers.
+    """
+    reader = _DataUnpickler(data, len(data), lambda name, size: data[len(data) - size :])
+    return [reader.load() for _ in range(4)][3]
+
+
 def _tensor(storage: Any, offset: int, shape: Any, strides: Any, *_: Any) -> np.ndarray:
     """A view of a storage, copied; one that leaves the storage or is larger than the limit of a small file is refused."""
     head, strides = _head(shape, storage.dtype, storage.nbytes), tuple(int(n) for n in strides)
@@ -240,6 +273,7 @@ _MAKERS: dict[tuple[str, str], Callable[..., Any]] = {
     ("numpy", "ndarray"): _array,
     ("numpy", "dtype"): _type,
     ("torch._utils", "_rebuild_tensor_v2"): _tensor,
+    ("torch.storage", "_load_from_bytes"): _lone_storage,
     ("_codecs", "encode"): _latin,
     ("builtins", "bytes"): lambda data=b"": bytes(_bytes(data)),
     ("builtins", "bytearray"): _bytes,

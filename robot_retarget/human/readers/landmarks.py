@@ -2,6 +2,7 @@
 
 import csv
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -193,7 +194,8 @@ def read(path: Path, request: Request) -> Capture:
     paths, _, notes = bridged(points, USED, fps, str(path))
     at = {mark: paths[:, k] for k, mark in enumerate(USED)}
     body = {name: (parent, np.mean([at[mark] for mark in marks], axis=0)) for name, parent, marks in _JOINTS}
-    return of_points(body, fps, str(path), (*_travel(body["pelvis"][1], paths), *notes, *rate_notes))
+    capture = of_points(body, fps, str(path), (*_travel(body["pelvis"][1], paths), *notes, *rate_notes))
+    return replace(capture, camera=True)
 
 
 def _points(path: Path) -> tuple[Floats, float | None]:

@@ -31,6 +31,8 @@ class JointSet:
     """Each joint's parent by name, empty at the root."""
     places: Mapping[str, Sequence[float]] | None = None
     """Place of each joint in its parent [m], of a set that has a mean body."""
+    camera: bool = False
+    """Whether networks write it in the frame of a camera."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -85,6 +87,7 @@ def captured(arrays: Mapping[str, Any], path: Path, request: Request) -> Capture
     notes: tuple[str, ...] = ()
     if joints is not None and not called:
         called, notes = joints.names, (f"{count} joints without names: read as {joints.title}.",)
+        _require_order(joints, positions, path)
     parents, order = file.tree(called, joints)
     rotations = file.rotations(positions)
     usual = OMNIRETARGET_FPS if OMNIRETARGET in arrays else joints.fps if joints else USUAL_FPS
@@ -97,7 +100,8 @@ def captured(arrays: Mapping[str, Any], path: Path, request: Request) -> Capture
     contacts = file.contacts(len(positions))
     if contacts is not None:
         rate_notes = (*rate_notes, "The file says when the feet stand: its contacts are taken.")
-    return Capture(skeleton, positions, rotations, rate, str(path), (*notes, *rate_notes), contacts)
+    camera = joints is not None and joints.camera
+    return Capture(skeleton, positions, rotations, rate, str(path), (*notes, *rate_notes), contacts, camera=camera)
 
 
 @dataclass(frozen=True)
@@ -178,6 +182,20 @@ def _known_set(file: _File, names: tuple[str, ...], count: int) -> JointSet | No
             return joints
     sets = (f"{len(joints.names)} ({joints.title})" for joints in JOINT_SETS.values())
     raise MotionError(f"{count} joints without names are no known set; {known(sets)}", file.path)
+
+
+def _require_order(joints: JointSet, positions: Floats, path: Path) -> None:
+    """Require thighs that are longer than the hips are wide, for a set whose number of joints other sets share.
+
+    Raises:
+        MotionError: they are shorter.
+    """
+    if not joints.camera:
+        return
+    pelvis, hip, knee = (positions[:, joints.names.index(name)] for name in ("pelvis", "right_hip", "right_knee"))
+    thigh, half = (np.median(np.linalg.norm(a - hip, axis=1)) for a in (knee, pelvis))
+    if thigh < 2 * half:
+        raise MotionError(f"not {joints.title} in their order: give the joints' names and parents", path)
 
 
 def first_offsets(parents: Ints, positions: Floats, rotations: Floats | None) -> Floats:

@@ -1,5 +1,6 @@
-"""Pickles as other programs write them, read as data: nested dicts of video trackers (`.pt` of GVHMR and GENMO, `.pkl` of
-WHAM), frames of 4D-Humans, Multi-HMR and SAM 3D Body, and InterMimic's rows of numbers, which hold positions of joints.
+"""People that trackers found in video, and other pickles read as data: nested dicts (`.pt` of GVHMR and GENMO, `.pkl` of WHAM,
+VIBE, PromptHMR and GLAMR, `.npy` of TRAM), frames of 4D-Humans, Multi-HMR, ROMP and SAM 3D Body, folders of EasyMocap, and
+InterMimic's rows of numbers, which hold positions of joints.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -9,23 +10,25 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import MotionError
+from robot_retarget.base.untrusted import documents
 from robot_retarget.base.untrusted.arrays import load_npz, rate_of
-from robot_retarget.base.untrusted.limits import LIMITS, ZLIB_MAGIC
+from robot_retarget.base.untrusted.limits import LIMITS, ZLIB_MAGIC, too_large
 from robot_retarget.base.untrusted.pickles import load_pickle, parse_pickle
 from robot_retarget.human.capture import Capture, FileHeader, Request
 from robot_retarget.human.readers import datasets, positions
-from robot_retarget.human.readers.points import LabelledPoints, bridged, labelled_capture
-from robot_retarget.human.readers.smpl import SOMA, captured, holds_turns
+from robot_retarget.human.readers.points import LabelledPoints, labelled_capture
+from robot_retarget.human.readers.smpl import SOMA, TRAM, WORLD_CAMERA, captured, holds_turns
 
 # Results of video frame by frame, people with parameters of the SMPL family in the frame of the camera.
 #
 # 4D-Humans (tracks of PHALP): a dict of frames, each with lists over people, `smpl` (`global_orient` (1, 3, 3), `body_pose`
 # (23, 3, 3), `betas` (10,)), `camera` (3,) [m], `tid`, `size` (height, width) and `tracked_time`, 0 where the person is seen.
 # Multi-HMR: a list of frames, each a list of people with `rotvec` (53, 3), `transl_pelvis` (3,) [m] and `shape`.
+# ROMP and BEV (`results` of `video_results.npz`): a dict of frames with `smpl_thetas` (P, 72), `cam_trans` (P, 3) [m], `smpl_betas`
+# and, where people are tracked, `track_ids` (P,).
 
 FOCAL = 5000 / 256
 """The focal length that 4D-Humans assumes, by the longer side of the picture [-]. Places away from the camera are too far by its
@@ -33,7 +36,7 @@ ratio to the true one, for which the picture's diagonal is taken."""
 
 
 def holds_smpl_people(content: Any) -> bool:
-    """Whether a pickle is a dict of PHALP's frames or a list of Multi-HMR's."""
+    """Whether a pickle is a dict of PHALP's or ROMP's frames or a list of Multi-HMR's."""
     frames = content.values() if isinstance(content, Mapping) else content if isinstance(content, list | tuple) else ()
     return any(True for frame in frames for _ in _people(frame))
 
@@ -51,9 +54,9 @@ def smpl_people(content: Any, path: Path, request: Request) -> Capture:
             people.setdefault(name, {})[t] = person
     which, notes = request.choose(list(people), path)
     seen = people[list(people)[which]]
-    found = captured({key: [one[key] for one in seen.values()] for key in next(iter(seen.values()))}, path, request)
-    whole = _bridged(found, np.array(list(seen)), str(path))
-    return replace(whole, notes=(*notes, *whole.notes), up="-y", camera=True)
+    fields = {key: np.array([one[key] for one in seen.values()]) for key in next(iter(seen.values()))}
+    found = captured({**fields, "frames": np.array(list(seen))}, path, request)
+    return replace(found, notes=(*notes, *found.notes), up="-y")
 
 
 def _people(frame: Any) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -64,23 +67,14 @@ def _people(frame: Any) -> Iterator[tuple[str, dict[str, Any]]]:
                 tall, wide = frame["size"][k]
                 nearer = [1.0, 1.0, hypot(tall, wide) / (FOCAL * max(tall, wide))]
                 yield str(name), {**body, "transl": np.asarray(place, dtype=float).reshape(-1)[:3] * nearer}
+    elif isinstance(frame, Mapping) and {"smpl_thetas", "cam_trans", "smpl_betas"} <= frame.keys():
+        for k, thetas in enumerate(frame["smpl_thetas"]):
+            name = frame["track_ids"][k] if "track_ids" in frame else k
+            yield str(name), {"smpl_thetas": thetas, **{key: frame[key][k] for key in ("cam_trans", "smpl_betas")}}
     elif isinstance(frame, list | tuple):
         for k, one in enumerate(frame):
             if isinstance(one, Mapping) and {"rotvec", "transl_pelvis"} <= one.keys():
-                place = np.asarray(one["transl_pelvis"]).reshape(3)
-                yield str(k), {"poses": np.asarray(one["rotvec"]).reshape(-1), "transl": place, "betas": one["shape"]}
-
-
-def _bridged(capture: Capture, frames: np.ndarray, source: str) -> Capture:
-    """The capture at every frame from the first to the last, of the frames in which the person is seen."""
-    every = np.arange(frames[0], frames[-1] + 1)
-    positions = np.full((len(every), *capture.positions.shape[1:]), np.nan)
-    positions[frames - frames[0]] = capture.positions
-    positions, _, notes = bridged(positions, capture.skeleton.names, capture.fps, source)
-    assert capture.rotations is not None
-    turns = [Slerp(frames, Rotation.from_quat(q, scalar_first=True))(every) for q in capture.rotations.swapaxes(0, 1)]
-    rotations = np.stack([turn.as_quat(scalar_first=True) for turn in turns], axis=1)
-    return replace(capture, positions=positions, rotations=rotations, notes=(*capture.notes, *notes))
+                yield str(k), {key: np.asarray(one[key]).reshape(-1) for key in ("rotvec", "transl_pelvis", "shape")}
 
 
 # Sentences about pickles without parameters of a human body.
@@ -152,13 +146,18 @@ def keypoint_people(content: Any, path: Path, request: Request) -> Capture:
     """
     people = _arrays(content, path) if isinstance(content, Mapping) else _tracks(content, path)
     which, notes = request.choose(list(people), path)
-    points = people[list(people)[which]]
-    joints = np.stack([points[:, list(at)].mean(axis=1) for at in _AT.values()], axis=1)
     fps = rate_of(content) if isinstance(content, Mapping) else None
-    capture = labelled_capture(
-        LabelledPoints([("", label) for label in _AT], joints, fps), path, replace(request, clip=None)
-    )
-    return replace(capture, notes=(*notes, *capture.notes), up="-y", camera=True)
+    capture = _joints(people[list(people)[which]], _AT, fps, path, request)
+    return replace(capture, notes=(*notes, *capture.notes), up="-y")
+
+
+def _joints(
+    points: Floats, at: Mapping[str, tuple[int, ...]], fps: float | None, path: Path, request: Request
+) -> Capture:
+    """A capture of the joints that are in the middle of keypoints (T, N, 3)."""
+    joints = np.stack([points[:, list(where)].mean(axis=1) for where in at.values()], axis=1)
+    found = LabelledPoints([("", label) for label in at], joints, fps)
+    return replace(labelled_capture(found, path, replace(request, clip=None)), camera=True)
 
 
 def _arrays(content: Mapping[str, Any], path: Path) -> dict[str, Floats]:
@@ -191,7 +190,57 @@ def _persons(frame: Any) -> list[Any]:
     return list(frame) if isinstance(frame, list | tuple) else [frame] if frame else []
 
 
-_PICKLE = b"\x80"
+# EasyMocap: a folder with a JSON file a frame, `000000.json`, each a list of people with `id`, and `Rh`, `Th` [m], `poses` and
+# `shapes`, or `keypoints3d` (25, 4) in the order of OpenPose's body with a confidence, 0 where a point is lost [m].
+
+_BODY_25 = {
+    "LSHOULDER": (5,), "RSHOULDER": (2,), "LELBOW": (6,), "RELBOW": (3,), "LWRIST": (7,), "RWRIST": (4,), "LHIP": (12,),
+    "RHIP": (9,), "LKNEE": (13,), "RKNEE": (10,), "LANKLE": (14,), "RANKLE": (11,), "LBIGTOE": (19, 20), "RBIGTOE": (22, 23),
+    "NECK": (1,), "HEAD": (17, 18),
+}  # fmt: skip
+_KEYPOINTS = "keypoints3d"
+
+
+def is_easymocap(header: FileHeader) -> bool:
+    """Whether a file is a frame of EasyMocap."""
+    return header.path.stem.isdecimal() and any(f'"{key}"' in header.text for key in ("Rh", _KEYPOINTS))
+
+
+def frames_beside(path: Path) -> tuple[Path, ...]:
+    """The other frames in the folder of a frame."""
+    frames = (other for other in path.parent.glob("*.json") if other.stem.isdecimal() and other.name != path.name)
+    return tuple(sorted(frames))
+
+
+def read_easymocap(path: Path, request: Request) -> Capture:
+    """Read all frames of the folder; the first person, or the one with the requested `id`.
+
+    Raises:
+        MotionError: a frame is no list of people with the same fields, or the person is away for longer than half a second.
+    """
+    people: dict[str, dict[int, Any]] = {}
+    files = sorted((path, *frames_beside(path)), key=lambda file: int(file.stem))
+    if sum(file.stat().st_size for file in files) > LIMITS.file:
+        raise too_large(path.parent, LIMITS.file)
+    for file in files:
+        for person in documents.read_json(file, MotionError):
+            people.setdefault(str(person["id"]), {})[int(file.stem)] = person
+    which, notes = request.choose(list(people), path)
+    seen = people[list(people)[which]]
+    numbers = np.array(list(seen)) - min(seen)
+    if _KEYPOINTS in next(iter(seen.values())):
+        rows = np.array([person[_KEYPOINTS] for person in seen.values()], dtype=float)
+        points = np.full((numbers[-1] + 1, len(rows[0]), 3), np.nan)
+        points[numbers] = np.where(rows[..., 3:] > 0, rows[..., :3], np.nan)
+        capture = _joints(points, _BODY_25, None, path, request)
+    else:
+        keys = ("Rh", "Th", "poses", "shapes")
+        fields = {key: np.array([np.ravel(person[key]) for person in seen.values()], dtype=float) for key in keys}
+        capture = captured({**fields, "frames": numbers}, path, request)
+    return replace(capture, notes=(*notes, *capture.notes))
+
+
+_PICKLE, _OBJECTS = b"\x80", b"'descr': '|O'"
 INTERMIMIC = slice(162, 318)
 """Columns of InterMimic's rows with the positions of 52 joints [m]."""
 PARC = "motion_data"
@@ -202,8 +251,16 @@ OMOMO, OMOMO_WIDTH, OMOMO_PLACES, OMOMO_FPS = ("motion", "trans2joint"), 276, sl
 
 def is_pickle(header: FileHeader) -> bool:
     """Whether a file is a pickle, of PyTorch, of joblib or of Python."""
-    in_zip = any(name.endswith("data.pkl") for name in header.members)
+    in_zip = any(name.endswith("data.pkl") for name in header.members) or "results" in header.arrays
+    if header.shape == () and header.head.startswith(b"\x93NUMPY"):
+        return _OBJECTS in header.head
     return in_zip or (header.head.startswith((_PICKLE, *ZLIB_MAGIC)) and not header.head.isascii())
+
+
+def camera_beside(path: Path) -> tuple[Path, ...]:
+    """The camera of TRAM's people, `camera.npy` in the folder above them."""
+    camera = path.parent.parent / "camera.npy"
+    return (camera,) if path.suffix.lower() == ".npy" and camera.is_file() else ()
 
 
 def read_pickle(path: Path, request: Request) -> Capture:
@@ -213,6 +270,13 @@ def read_pickle(path: Path, request: Request) -> Capture:
         MotionError: it would run code, or holds no rotations of a body; lists its content.
     """
     content = load_pickle(path)
+    if isinstance(content, Mapping) and "results" in content:
+        content = content["results"]
+        if not holds_smpl_people(content):
+            raise MotionError("holds one frame of ROMP: give video_results.npz of the same folder", path)
+    if isinstance(content, Mapping) and TRAM in content:
+        camera = next((load_pickle(one) for one in camera_beside(path)), {})
+        content = {**content, **{key: camera[key] for key in WORLD_CAMERA if key in camera}}
     if isinstance(content, np.ndarray) and content.ndim == 2 and content.shape[1] >= INTERMIMIC.stop:
         joints = content[:, INTERMIMIC].reshape(len(content), -1, 3)
         return replace(positions.captured({"positions": joints}, path, request), up="+z")
@@ -233,21 +297,22 @@ def read_pickle(path: Path, request: Request) -> Capture:
     bodies = dict(_bodies(content, ""))
     if not bodies:
         raise MotionError(sentence(content), path)
-    names = sorted(bodies, key=lambda name: "incam" in name)
+    names = sorted(bodies, key=lambda name: "cam" in name.rpartition("/")[2])
     which, notes = request.choose(names, path)
     capture = captured(bodies[names[which]], path, request)
-    return replace(capture, notes=(*notes, *capture.notes), camera="incam" in names[which])
+    return replace(capture, notes=(*notes, *capture.notes))
 
 
-def _bodies(content: Any, name: str) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Every dict in the pickle that holds turns of a body, by the keys that lead to it."""
+def _bodies(content: Any, name: str, frames: Any = None) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Every dict in the pickle that holds turns of a body, by the keys that lead to it; frames may stand above it."""
     if not isinstance(content, Mapping):
         return
+    frames = content.get("frames", frames)
     arrays = {str(key): np.asarray(value) for key, value in content.items() if _is_plain(value)}
     if holds_turns(arrays):
-        yield name or "body", arrays
+        yield name or "body", arrays if frames is None else {"frames": frames, **arrays}
     for key, value in content.items():
-        yield from _bodies(value, f"{name}/{key}" if name else str(key))
+        yield from _bodies(value, f"{name}/{key}" if name else str(key), frames)
 
 
 def _is_plain(value: Any) -> bool:

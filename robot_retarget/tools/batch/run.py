@@ -125,7 +125,8 @@ def _is_motion(path: Path) -> bool:
         chosen = format_of(path)
     except (MotionError, OSError):
         return False
-    return chosen in FORMATS and not set(KEYS) <= FileHeader(path).arrays and not _describes(path)
+    first = all(path < other for other in chosen.beside(path) if other.suffix == path.suffix)
+    return first and chosen in FORMATS and not set(KEYS) <= FileHeader(path).arrays and not _describes(path)
 
 
 def _describes(path: Path) -> bool:

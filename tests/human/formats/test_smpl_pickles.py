@@ -16,7 +16,7 @@ from robot_retarget.base.errors import MotionError
 from robot_retarget.human.capture import Request
 from robot_retarget.human.read import read_motion
 from robot_retarget.human.readers import tracked_people
-from robot_retarget.human.readers.smpl import captured
+from robot_retarget.human.readers.smpl import captured, mean_skeleton
 
 T = 9
 RNG = np.random.default_rng(9)
@@ -200,7 +200,8 @@ def test_frames_of_multi_hmr_are_people_in_their_order(tmp_path) -> None:
     np.savez(tmp_path / "clip.npz", global_orient=ROOT, body_pose=BODY, transl=PLACE, betas=BETAS)
     expected = captured(dict(np.load(tmp_path / "clip.npz")), tmp_path, Request())
     turns = np.concatenate([ROOT, BODY, np.zeros((T, 93), "f4")], axis=1).reshape(T, 53, 3)
-    person = lambda t: {"rotvec": turns[t], "transl_pelvis": PLACE[t][None], "shape": BETAS[t], "scores": 0.9}  # noqa: E731
+    rest = mean_skeleton(None)[0].offsets[0]
+    person = lambda t: {"rotvec": turns[t], "transl_pelvis": (PLACE + rest)[t][None], "shape": BETAS[t], "scores": 0.9}  # noqa: E731
     (tmp_path / "humans.pkl").write_bytes(pickle.dumps([[person(t), person(0)] for t in range(T)]))
     found = tracked_people.read_pickle(tmp_path / "humans.pkl", Request())
     np.testing.assert_allclose(found.positions, expected.positions, atol=1e-5)
