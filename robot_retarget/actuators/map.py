@@ -1,6 +1,6 @@
 """The servo map (`servos.toml`): the servo of each joint, and the limits of playback.
 
-    ticks = zero + sign · gear · q · 4096 / 2π
+    ticks = zero + sign · gear · q · 4096 / 2π        (1228.8 / 2π of an AX or XL-320, which has 1024 steps for 300°)
 
 Radians outside, ticks inside the two functions that convert.
 """
@@ -11,16 +11,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from math import pi, tau
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from robot_retarget.actuators.balance_tables import Balance, Bounds, Imu, MapError, require_bounds, within
-from robot_retarget.actuators.control_tables import BAUDS, CENTRE, LAST_POSITION, Model, model_named
+from robot_retarget.actuators.control_tables import BAUDS, CENTRE, Model, model_named
 from robot_retarget.actuators.motors import TICKS_PER_TURN, MotorModel
 from robot_retarget.base.errors import ServoError, known
 from robot_retarget.base.files import MODELS as SHIPPED
 from robot_retarget.base.untrusted.documents import line_of, parse_toml, read_text
 
 TICKS_PER_RADIAN = TICKS_PER_TURN / tau
+"""Of X and MX servos; `Servo.scale` has that of each."""
 
 
 @dataclass(frozen=True)
@@ -55,8 +56,13 @@ class Servo:
             raise MapError(f"{self.joint}: {error}", "model") from None
         low, high = self.tick_range
         if not low < high:
-            what = f"{self.lower:g} to {self.upper:g} rad is outside the one turn of its servo, 0…{LAST_POSITION} ticks"
+            last = self.type.steps - 1
+            what = f"{self.lower:g} to {self.upper:g} rad is outside the one turn of its servo, 0…{last} ticks"
             raise MapError(f"{self.joint}: {what}; look over zero, sign and gear", "zero")
+        gain = self.type.registers.get("position_p_gain")
+        if self.p_gain and (gain is None or self.p_gain > gain.high):
+            highest = f"at most {gain.high}" if gain else "no p_gain: it has slopes of compliance"
+            raise MapError(f"{self.joint}: an {self.type.name} has {highest}, got {self.p_gain}", "p_gain")
 
     @property
     def type(self) -> Model:
@@ -70,17 +76,22 @@ class Servo:
 
     def ticks(self, radians: float) -> int:
         """The nearest position of the servo for a joint angle."""
-        return self.zero + round(self.sign * self.gear * radians * TICKS_PER_RADIAN)
+        return self.zero + round(self.scale * radians)
 
     def radians(self, ticks: float) -> float:
         """The joint angle at a position of the servo."""
-        return (ticks - self.zero) / (self.sign * self.gear * TICKS_PER_RADIAN)
+        return (ticks - self.zero) / self.scale
+
+    @property
+    def scale(self) -> float:
+        """Ticks for a radian of the joint, negative where the two turn in opposite directions [1/rad]."""
+        return self.sign * self.gear * self.type.motor.ticks_per_radian
 
     @property
     def tick_range(self) -> tuple[int, int]:
         """Lowest and highest goal position that keeps the joint in its range and the servo in one turn."""
         low, high = self._ends
-        return max(low, 0), min(high, LAST_POSITION)
+        return max(low, 0), min(high, self.type.steps - 1)
 
     @property
     def reach(self) -> tuple[float, float]:
@@ -92,7 +103,7 @@ class Servo:
     def range_exceeds_turn(self) -> bool:
         """Whether an end of the joint's range lies outside the single turn of the servo."""
         low, high = self._ends
-        return low < 0 or high > LAST_POSITION
+        return low < 0 or high >= self.type.steps
 
     @property
     def _ends(self) -> tuple[int, int]:
@@ -189,8 +200,10 @@ class ServoMap:
     def __post_init__(self) -> None:
         if not self.servos and self.balance is None:
             raise ServoError("a servo map needs at least one servo, or [imu] and [balance]")
-        if self.baud not in BAUDS:
-            raise MapError(f"baud {self.baud} is not a rate of servos; {known(map(str, BAUDS))}", "baud")
+        rates = BAUDS[self.protocol].values()
+        if self.baud not in rates:
+            raise MapError(f"baud {self.baud} is not a rate of servos; {known(map(str, rates))}", "baud")
+        self._require_one_bus()
         for what, values in (("joint", self.joints), ("id", self.ids)):
             twice = [servo for k, servo in enumerate(self.servos) if values[k] in values[:k]]
             if twice:
@@ -204,14 +217,32 @@ class ServoMap:
             Bounds(servo.lower, servo.upper, "rad").require(f"[stop] pose of {joint}", angle, "stop", "pose", joint)
         self._require_sensor()
 
+    def _require_one_bus(self) -> None:
+        """All servos have one protocol and layout."""
+        for servo in self.servos[1:]:
+            first, other = self.servos[0], servo.type.layout
+            if other != first.type.layout:
+                speaks = first.type.protocol != other.protocol
+                why = f"Protocol {first.type.protocol} and Protocol {other.protocol}" if speaks else "other addresses"
+                message = (
+                    f"{first.joint} ({first.model}) and {servo.joint} ({servo.model}) cannot share a bus: {why}; "
+                    "give each kind a port and a map of its own"
+                )
+                raise MapError(message, "servo", servo.joint, "model")
+
     def _require_sensor(self) -> None:
         """The sensor and its gains are of this map."""
         if self.balance is not None and self.imu is None:
             raise MapError("[balance] needs an [imu]", "balance")
         if self.servos:
             self.require_gains_of(self.joints)
-        if self.imu is not None and self.imu.kind == "opencr" and self.imu.id in self.ids:
-            raise MapError(f"[imu] has the id {self.imu.id} of a servo", "imu", "id")
+        if self.imu is not None and self.imu.kind == "opencr":
+            if self.protocol == 1:
+                raise MapError(
+                    "[imu] kind opencr needs Protocol 2; a sensor of kind lines has a port of its own", "imu", "kind"
+                )
+            if self.imu.id in self.ids:
+                raise MapError(f"[imu] has the id {self.imu.id} of a servo", "imu", "id")
 
     def require_gains_of(self, joints: Sequence[str]) -> None:
         """Check that all gains are of some joints.
@@ -225,6 +256,16 @@ class ServoMap:
                 f"[balance] names {strange[0]!r}, which is not among the joints; {known(joints, typed=strange[0])}"
             )
             raise MapError(message, "balance", "joints", strange[0])
+
+    @property
+    def protocol(self) -> Literal[1, 2]:
+        """Of the servos' frames."""
+        return self.servos[0].type.protocol if self.servos else 2
+
+    @property
+    def watchdog(self) -> float:
+        """Time without a message after which the servos stop [s]; 0 where they have no watchdog."""
+        return self.limits.watchdog if all("bus_watchdog" in servo.type.registers for servo in self.servos) else 0.0
 
     @property
     def joints(self) -> tuple[str, ...]:

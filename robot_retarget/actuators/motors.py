@@ -6,6 +6,7 @@ at the nominal voltage; another voltage scales what duty gives, not what speed t
 """
 
 import csv
+import re
 from contextlib import suppress
 from dataclasses import dataclass, fields
 from math import copysign, tau
@@ -16,7 +17,7 @@ from robot_retarget.actuators.balance_tables import STANDARD_GRAVITY
 from robot_retarget.base.errors import ServoError, known
 
 TICKS_PER_TURN = 4096
-"""Of the encoder, as the manual states."""
+"""Of the encoder of X and MX servos, as the manual states; `MotorModel.ticks_per_turn` has that of each servo."""
 SUPPLY_RESISTANCE = 0.1
 """Of battery and leads [Ω]: three cells of 10 mΩ and 2 m of cable of 0.5 mm²."""
 FULL_PWM = 885
@@ -46,8 +47,16 @@ class MotorModel:
     """Register `position_p_gain`: duty = P / p_divisor / 885 for a tick of error."""
     d_gain: int = 0
     """Register `position_d_gain`: duty = D / 16 / 885 for a tick a millisecond."""
-    p_divisor: int = 128
-    """Of the register `position_p_gain`, as in the manual; 256 where a measurement contradicts it (XL330: Rhoban BAM)."""
+    p_divisor: float = 128
+    """Of the register `position_p_gain`, as in the manual. Rhoban BAM measured 256 for the XL330, and 4.66 for the MX under
+    Protocol 1 (0.158 of the duty for a radian and a unit of gain). The AX has a slope of 32 steps to full duty instead."""
+    ticks_per_turn: float = TICKS_PER_TURN
+    """Of the encoder; AX and XL-320 have 1024 steps for 300°."""
+
+    @property
+    def ticks_per_radian(self) -> float:
+        """Of the encoder [1/rad]."""
+        return self.ticks_per_turn / tau
 
     @property
     def back_emf(self) -> float:
@@ -64,11 +73,11 @@ class MotorModel:
 
     def duty_per_error(self, p_gain: int | None = None) -> float:
         """Return the duty per error of the position [1/rad], at the factory's gain by default."""
-        return (self.p_gain if p_gain is None else p_gain) / self.p_divisor / FULL_PWM * TICKS_PER_TURN / tau
+        return (self.p_gain if p_gain is None else p_gain) / self.p_divisor / FULL_PWM * self.ticks_per_radian
 
     def duty_per_speed(self, d_gain: int | None = None) -> float:
         """Return the duty per error of the speed [s/rad], at the factory's gain by default."""
-        return (self.d_gain if d_gain is None else d_gain) / 16 / 1000 / FULL_PWM * TICKS_PER_TURN / tau
+        return (self.d_gain if d_gain is None else d_gain) / 16 / 1000 / FULL_PWM * self.ticks_per_radian
 
     @property
     def continuous_current(self) -> float:
@@ -91,18 +100,17 @@ def _value(cell: str) -> int | float | str:
 
 
 SERVOS = read_table("servos.csv")
-"""A servo a row, from the specifications and the control table of its page: https://emanual.robotis.com/docs/en/dxl/x/"""
+"""A servo a row, from the specifications and the control table of its page: https://emanual.robotis.com/docs/en/dxl/"""
 MOTORS = {row["name"]: MotorModel(**{f.name: row[f.name] for f in fields(MotorModel)}) for row in SERVOS}
 
 
 def motor_named(name: str) -> MotorModel:
-    """A motor by the name printed on the servo; a trailing -R or -T (its connector) is ignored.
+    """A motor by the name printed on the servo, without the letters of its connector and case (-R, -T, AR, AT, A, F).
 
     Raises:
         ServoError: the servo is unknown.
     """
-    plain = name.strip().upper()
-    plain = plain[:-2] if plain.endswith(("-R", "-T")) else plain
+    plain = re.sub(r"(?<=\d)(-[RT]|A?[RT]|[AF+])(?=$|\()", "", name.strip().upper())
     if plain not in MOTORS:
         raise ServoError(f"no servo model {name!r}; {known(MOTORS, typed=name)}")
     return MOTORS[plain]

@@ -11,7 +11,6 @@ Speed takes its torque away outside the clip, so the whole is a position actuato
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import tau
 
 import mujoco
 import numpy as np
@@ -22,7 +21,6 @@ from robot_retarget.actuators.motors import (
     HEAT_TIME,
     IDENTIFIED,
     REFERENCE,
-    TICKS_PER_TURN,
     Mechanics,
     MotorModel,
     mechanics_of,
@@ -105,6 +103,8 @@ class Drives:
     """(n,) [N m]."""
     armature: Floats
     """(n,) [kg m²]."""
+    ratio: Floats
+    """(n,) turns of the servo for one of the joint."""
     tick: Floats
     """(n,) goals are whole multiples of this [rad]."""
     stall_current: Floats
@@ -131,7 +131,7 @@ class Drives:
 
     def with_mechanics(self, mechanics: Sequence[Mechanics]) -> "Drives":
         """Return the same motors with other gears and rotors (n), given at the servos' shafts."""
-        gears = tau / TICKS_PER_TURN / self.tick
+        gears = self.ratio
         damping, friction, armature = np.array([(m.damping, m.friction, m.armature) for m in mechanics]).T
         return replace(self, damping=gears**2 * damping, friction=gears * friction, armature=gears**2 * armature)
 
@@ -220,7 +220,8 @@ def drives(motors: list[MotorModel], gears: Floats) -> Drives:
         damping=gears**2 * np.array([m.damping for m in mechanics]),
         friction=gears * np.array([m.friction for m in mechanics]),
         armature=gears**2 * np.array([m.armature for m in mechanics]),
-        tick=tau / TICKS_PER_TURN / gears,
+        ratio=gears,
+        tick=1 / (gears * [motor.ticks_per_radian for motor in motors]),
         stall_current=np.array([motor.stall_current for motor in motors]),
         continuous_current=np.array([motor.continuous_current for motor in motors]),
         voltage=max(motor.voltage for motor in motors),

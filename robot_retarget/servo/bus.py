@@ -1,6 +1,6 @@
 """The open bus: dynamixel-sdk's port as the wire, with its faults mended here and nowhere else.
 
-Frames are made and read by `protocol`, which stuffs on sending and loses nothing on receipt. The port is opened for
+Frames are made and read by `protocol`, which stuffs on sending and loses nothing on receipt, or `protocol1`. The port is opened for
 one owner, waits in `select` and not in a loop, measures time on a clock that does not jump, and reports a pulled cable
 as one error. Sync reads give what came, servo by servo, with each servo's own error byte.
 """
@@ -13,19 +13,18 @@ import select
 import termios
 import threading
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Literal, NamedTuple, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import serial
 from dynamixel_sdk import PortHandler
 
 from robot_retarget.actuators.control_tables import Register
 from robot_retarget.base.errors import ServoError
-from robot_retarget.servo import protocol
+from robot_retarget.servo import protocol, protocol1
 from robot_retarget.servo.protocol import (
-    ALERT,
     BROADCAST,
     HEADER,
     LAST_ID,
@@ -33,7 +32,7 @@ from robot_retarget.servo.protocol import (
     DynamixelPacket,
     Error,
     Instruction,
-    Parser,
+    Question,
 )
 
 PATIENCE = 0.02
@@ -46,6 +45,9 @@ TURN = 0.6e-3
 """Longest time before a servo answers [s]: 254 units of 2 µs of the register `return_delay_time`, and the turn of the line."""
 CHAIN = HEADER + bytes((BROADCAST,))
 """First bytes of an answer to a fast read."""
+
+CODECS: dict[int, Any] = {1: protocol1, 2: protocol}
+"""The modules that make and read frames, by protocol."""
 
 WIRE_ERRORS = (OSError, serial.SerialException, termios.error)
 
@@ -68,8 +70,8 @@ class Reply(NamedTuple):
     id: int
     error: int
     """The error code, without the alert bit."""
-    alert: bool
-    """A hardware error is pending."""
+    hardware: int
+    """Pending hardware errors: their bits under Protocol 1, the alert bit under Protocol 2; 0 for none."""
     data: bytes
 
 
@@ -96,17 +98,19 @@ class Bus:
         path: the serial port, or an emulator's.
         baud: one of those the SDK's port knows [1/s].
         lockstep: for an emulator whose time stands still meanwhile, which ends its answers by `NO_MORE`: nothing depends on the clock.
+        version: the protocol of the servos, 1 or 2.
 
     Raises:
         ServoError: the port is not there, is in use, or does not know the baud rate.
     """
 
-    def __init__(self, path: str | Path, baud: int, lockstep: bool = False) -> None:
+    def __init__(self, path: str | Path, baud: int, lockstep: bool = False, version: int = 2) -> None:
         self.path, self.baud, self.lockstep = str(path), baud, lockstep
+        self.codec = CODECS[version]
         self._tail, self._over = b"", True
         """In lockstep: bytes that may begin `NO_MORE`, and whether it has come."""
         self._port = SerialPort(self.path)
-        self._parser = Parser()
+        self._parser = self.codec.Parser(host=True)
         self._owner = threading.get_ident()
         try:
             opened = self._port.setBaudRate(baud)
@@ -136,10 +140,12 @@ class Bus:
 
     def ping(self, identity: int, tries: int = 1) -> tuple[int, int] | None:
         """Return model number and firmware, or None without an answer."""
-        request = protocol.frame(identity, Instruction.PING)
+        request = self.codec.frame(identity, Instruction.PING)
         for _ in range(tries):
-            reply = self._ask(request, identity, 3)
-            if reply is not None:
+            reply = self._ask(request, identity, self.codec.PING_DATA)
+            if reply is not None and not reply.data:  # Protocol 1 has the model in its registers alone
+                reply = self._ask(self.codec.read(identity, 0, 3), identity, 3)
+            if reply is not None and len(reply.data) == 3:
                 return int.from_bytes(reply.data[:2], "little"), reply.data[2]
         return None
 
@@ -150,7 +156,7 @@ class Bus:
             NoAnswerError: no answer, or a garbled one.
             StatusError: the servo refuses.
         """
-        request = protocol.read(identity, address, length)
+        request = self.codec.read(identity, address, length)
         return self._insist(request, identity, length, tries, f"read {length} bytes at {address}")
 
     def try_read(self, request: bytes, identity: int, length: int, patience: float) -> bytes | None:
@@ -170,7 +176,7 @@ class Bus:
             StatusError: the register is locked, or the value is beyond a limit of the servo.
             ServoError: the value is not an integer of the register's range; no byte is sent.
         """
-        request = protocol.write(identity, register.address, register.checked(value))
+        request = self.codec.write(identity, register.address, register.checked(value))
         return self._insist(request, identity, 0, tries, f"write {value} at {register.address}")
 
     def scan(self, ids: Iterable[int] = range(LAST_ID + 1)) -> Iterator[tuple[int, int, int]]:
@@ -182,33 +188,47 @@ class Bus:
 
     # All servos
 
-    def sync_read(
-        self, address: int, length: int, ids: Sequence[int], fast: bool = False, patience: float = PATIENCE
+    def read_all(
+        self,
+        address: int,
+        length: int,
+        ids: Sequence[int],
+        chained: Collection[int] = (),
+        patience: float = PATIENCE,
     ) -> dict[int, Reply]:
-        """Read the same bytes of many servos. Returns the complete answers by id; `fast` requests one joint answer."""
-        request = protocol.sync_read(address, length, ids, fast)
-        self.send(request)
-        return {reply.id: reply for reply in self.replies(length, ids, fast, len(request), patience)}
+        """Read the same bytes of many servos. Returns the complete answers by id.
 
-    def replies(
-        self, length: int, ids: Sequence[int], fast: bool, sent: int, patience: float = PATIENCE
-    ) -> Iterator[Reply]:
-        """Yield the answers to a sync read that was just sent, the last of `sent` bytes, until they time out."""
-        size = 8 + len(ids) * (4 + length) if fast else len(ids) * (11 + length)
-        until = self._deadline(sent + size, len(ids), patience)
-        if fast:
-            yield from self._chain(size, length, len(ids), until, patience)
+        Args:
+            address: of the first byte.
+            length: number of bytes.
+            ids: who is asked.
+            chained: those that may be asked by a fast read, or a bulk read under Protocol 1.
+            patience: longest wait beyond the time on the wire, for each request [s].
+        """
+        found: dict[int, Reply] = {}
+        for question in self.codec.questions(address, length, ids, chained):
+            self.send(question.frame)
+            found |= {reply.id: reply for reply in self.replies(question, length, len(question.frame), patience)}
+        return found
+
+    def replies(self, question: Question, length: int, sent: int, patience: float = PATIENCE) -> Iterator[Reply]:
+        """Yield the answers to a question that was just sent, the last of `sent` bytes, until they time out."""
+        count, each = len(question.ids), self.codec.STATUS_SIZE + length
+        size = 8 + count * (4 + length) if question.joint else count * each
+        until = self._deadline(sent + size, count, patience)
+        if question.joint:
+            yield from self._chain(size, length, count, until, patience)
             return
-        missing, last = set(ids), ids[-1]
+        missing, last = set(question.ids), question.ids[-1]
         # Servos answer in order: after the last one, none is missing.
         while last in missing and (data := self._fetch(until)):
             for frame in self._parser.feed(data):
                 if frame.instruction == Instruction.STATUS and frame.id in missing:
-                    reply = _reply(frame)
+                    reply = self._reply(frame)
                     if len(reply.data) == length:
                         missing.remove(frame.id)
                         yield reply
-            until = min(until, self._deadline((11 + length) * len(missing), len(missing), patience))
+            until = min(until, self._deadline(each * len(missing), len(missing), patience))
 
     def _chain(self, size: int, length: int, count: int, until: float, patience: float) -> Iterator[Reply]:
         raw = bytearray()
@@ -221,7 +241,7 @@ class Bus:
                 del raw[:start]
         if raw.startswith(CHAIN):
             for error, identity, data in protocol.fast_blocks(bytes(raw), [length] * count):
-                yield Reply(identity, error & ~ALERT, bool(error & ALERT), data)
+                yield Reply(identity, *protocol.verdict(error), data)
 
     # The wire
 
@@ -239,11 +259,16 @@ class Bus:
 
     def _ask(self, request: bytes, identity: int, length: int, patience: float = PATIENCE) -> Reply | None:
         self.send(request)
-        for frame in self._frames(self._deadline(len(request) + 11 + length, 1, patience)):
+        for frame in self._frames(self._deadline(len(request) + self.codec.STATUS_SIZE + length, 1, patience)):
             # Another length is a late answer to another request.
-            if frame.id == identity and (len(frame.params) == 1 + length or frame.error & ~ALERT):
-                return _reply(frame)
+            reply = self._reply(frame)
+            if frame.id == identity and (len(reply.data) == length or reply.error):
+                return reply
         return None
+
+    def _reply(self, frame: DynamixelPacket) -> Reply:
+        code, hardware = self.codec.verdict(frame.error)
+        return Reply(frame.id, code, hardware, frame.data)
 
     def _deadline(self, size: int, servos: int, patience: float) -> float:
         return time.monotonic() + size * 10 / self.baud + servos * TURN + (DEAD if self.lockstep else patience)
@@ -252,7 +277,7 @@ class Bus:
         """Yield status frames until the timeout."""
         while data := self._fetch(until):
             for frame in self._parser.feed(data):
-                if frame.instruction == Instruction.STATUS and frame.stuffed:
+                if frame.instruction == Instruction.STATUS and frame.params:
                     yield frame
 
     def _fetch(self, until: float) -> bytes:
@@ -296,12 +321,12 @@ class Bus:
                 raise PortLostError(f"{self.path} hangs: no emulator in lockstep")
         try:
             termios.tcflush(self._fd, termios.TCIFLUSH)
-            self._parser.clear()
+            self._parser.clear(data)
             sent = os.write(self._fd, data)
             while sent < len(data):
                 select.select([], [self._fd], [], 1.0)
                 sent += os.write(self._fd, data[sent:])
-            self._over, self._tail = not protocol.answered(data), b""
+            self._over, self._tail = not self.codec.answered(data), b""
         except (*WIRE_ERRORS, ValueError) as error:
             raise PortLostError(f"{self.path} is gone: {_reason(error)}") from error
 
@@ -315,10 +340,6 @@ def slow_adapter(path: str | Path) -> str | None:
         if wait > 1:
             return f"{path}: the adapter waits {wait} ms before it hands on answers; write 1 to {timer}"
     return None
-
-
-def _reply(frame: DynamixelPacket) -> Reply:
-    return Reply(frame.id, frame.error & ~ALERT, bool(frame.error & ALERT), frame.data)
 
 
 def _reason(error: BaseException) -> str:

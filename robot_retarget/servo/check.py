@@ -8,9 +8,6 @@ from robot_retarget.actuators.map import Servo, ServoMap
 from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.bus import Bus, NoAnswerError, StatusError
 
-TABLE_SPAN = 147
-"""Bytes from 0 that are read of each servo, up to its temperature."""
-
 
 @dataclass(frozen=True)
 class ServoFinding:
@@ -30,10 +27,12 @@ class ServoFinding:
 
 @dataclass(frozen=True)
 class Condition:
-    """Register values of a servo by name."""
+    """Register values of a servo by name, and its table up to its temperature."""
 
     servo: Servo
     values: dict[str, int]
+    """Under Protocol 1, `hardware_error_status` is that of the answer."""
+    table: bytes
 
     @property
     def angle(self) -> float:
@@ -101,16 +100,17 @@ def _ask(bus: Bus, servo: Servo) -> tuple[Condition | None, list[ServoFinding]]:
     if number != servo.type.number:
         other = model_numbered(number)
         return grave(f"is a {other.name if other else f'model {number}'}, the map says {servo.type.name}")
+    registers = servo.type.registers
+    size = max(registers[name].end for name in ("present_temperature", "hardware_error_status") if name in registers)
     try:
-        data = bus.read(servo.id, 0, TABLE_SPAN, tries=10).data
+        reply = bus.read(servo.id, 0, size, tries=10)
     except NoAnswerError:
         return grave("answers a ping but garbles its registers: do two servos share this id?")
     except StatusError as error:
         return grave(f"refuses to be read: {error}")
-    registers = servo.type.registers.items()
-    return Condition(
-        servo, {n: r.decode(data[r.address :]) for n, r in registers if r.address + r.size <= TABLE_SPAN}
-    ), []
+    values = {"hardware_error_status": reply.hardware} if servo.type.protocol == 1 else {}
+    values |= {name: r.decode(reply.data[r.address :]) for name, r in registers.items() if r.end <= size}
+    return Condition(servo, values, reply.data), []
 
 
 def _differences(condition: Condition) -> Iterator[ServoFinding]:
@@ -118,13 +118,19 @@ def _differences(condition: Condition) -> Iterator[ServoFinding]:
     values, (low, high) = condition.values, condition.servo.tick_range
     for name, wanted, grave in (
         ("operating_mode", 3, True),
+        ("control_mode", 2, True),
         ("drive_mode", 0, True),
         ("homing_offset", 0, True),
         ("status_return_level", 2, True),
         ("return_delay_time", 0, False),
     ):
-        if values[name] != wanted:
+        if values.get(name, wanted) != wanted:
             yield condition.finding(f"{name} is {values[name]}, not {wanted}", grave, (name, wanted))
+    lowest, highest = values["min_position_limit"], values["max_position_limit"]
+    if lowest >= highest:
+        what = f"no position mode: its limits are {lowest} and {highest} (wheel or multi-turn mode)"
+        yield condition.finding(what, True, ("max_position_limit", condition.servo.type.steps - 1))
+        return
     for name, way, end in (("min_position_limit", "from", low), ("max_position_limit", "to", high)):
         if values[name] > end if way == "from" else values[name] < end:
             yield condition.finding(f"{name} {values[name]} cuts off its range {way} {end}", False, (name, end))
@@ -135,7 +141,8 @@ def _state(condition: Condition, servo_map: ServoMap) -> Iterator[ServoFinding]:
     servo, values, limits = condition.servo, condition.values, servo_map.limits
     bits = values["hardware_error_status"]
     if bits:
-        yield condition.finding(f"hardware error: {hardware_errors(bits)}; reboot it when the cause is gone")
+        cure = "reboot it" if servo.type.protocol == 2 else "switch its supply off and on"
+        yield condition.finding(f"hardware error: {hardware_errors(bits, servo)}; {cure} when the cause is gone")
     volts = values["present_input_voltage"] / 10
     if not limits.min_voltage <= volts <= limits.max_voltage:
         yield condition.finding(f"supply is {volts:.1f} V, allowed {limits.min_voltage:g} to {limits.max_voltage:g} V")
@@ -146,9 +153,11 @@ def _state(condition: Condition, servo_map: ServoMap) -> Iterator[ServoFinding]:
         yield condition.finding(what)
 
 
-def hardware_errors(bits: int) -> str:
-    """The names of the bits of register 70."""
-    return ", ".join(name for bit, name in HARDWARE_ERRORS.items() if bits >> bit & 1) or f"bits {bits:#x}"
+def hardware_errors(bits: int, servo: Servo) -> str:
+    """The names of the hardware errors of a servo."""
+    own = servo.type.errors
+    named = (name for bit, name in HARDWARE_ERRORS.items() if bit in own and bits >> own[bit] & 1)
+    return ", ".join(named) or f"bits {bits:#x}"
 
 
 # The zero pose of a robot, recorded in the map. The servos' homing offsets stay 0: some firmware moves by them.

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_retarget.actuators.control_tables import XM430_W350
 from robot_retarget.actuators.map import Limits
 from robot_retarget.base.arrays import Floats
 from robot_retarget.servo.check import hardware_errors
@@ -127,7 +126,7 @@ class Judge:
         alerted = np.flatnonzero(self.link.error & ALERTED)
         if alerted.size:
             k = int(alerted[0])
-            self._hardware(k, self.link.bus.value(self.link.ids[k], XM430_W350["hardware_error_status"]))
+            self._hardware(k, self.link.hardware_bits(k))
 
     def _state(self) -> None:
         if not self.link.torque.all():
@@ -140,7 +139,7 @@ class Judge:
 
     def _hardware(self, k: int, bits: int) -> None:
         servo = self.link.map.servos[k]
-        raise FaultError(f"{servo.joint} (servo {servo.id}): hardware error: {hardware_errors(bits)}")
+        raise FaultError(f"{servo.joint} (servo {servo.id}): hardware error: {hardware_errors(bits, servo)}")
 
     def _stuck(self, capped_for: Floats) -> None:
         stuck = capped_for > STUCK

@@ -5,7 +5,7 @@ from math import isfinite, nan, pi, radians
 from pathlib import Path
 from typing import Any
 
-from robot_retarget.actuators.control_tables import CENTRE, MODELS
+from robot_retarget.actuators.control_tables import CENTRE, MODELS, model_named
 from robot_retarget.actuators.map import TICKS_PER_RADIAN, Servo, ServoMap
 from robot_retarget.base.errors import ServoError, known
 from robot_retarget.base.untrusted.documents import parse_json, read_text
@@ -91,11 +91,11 @@ def _pypot(table: dict[str, Any], name: str, model: str | None) -> ServoMap:
     servos = []
     for joint, entry in table["motors"].items():
         sign = -1 if entry["orientation"] == "indirect" else 1
-        zero = CENTRE + round(sign * radians(float(entry["offset"])) * TICKS_PER_RADIAN)
+        named = _model(model or str(entry["type"]))
+        kind = model_named(named)
+        zero = kind.centre + round(sign * radians(float(entry["offset"])) * kind.motor.ticks_per_radian)
         low, high = sorted(radians(float(angle)) for angle in entry["angle_limit"])
-        servos.append(
-            Servo(joint, int(entry["id"]), _model(model or str(entry["type"])), sign, zero, lower=low, upper=high)
-        )
+        servos.append(Servo(joint, int(entry["id"]), named, sign, zero, lower=low, upper=high))
     return ServoMap(name, tuple(servos))
 
 

@@ -1,19 +1,19 @@
 """All servos of a map as arrays: goals, readings, and the age of lost readings."""
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_retarget.actuators.control_tables import VELOCITY_UNIT, WATCHDOG_UNIT, XM430_W350
-from robot_retarget.actuators.map import TICKS_PER_RADIAN, ServoMap
+from robot_retarget.actuators.control_tables import WATCHDOG_UNIT, Register, direct
+from robot_retarget.actuators.map import ServoMap
 from robot_retarget.base.arrays import Bools, Floats, Ints
-from robot_retarget.servo import protocol
 from robot_retarget.servo.bus import PATIENCE, Bus
 from robot_retarget.servo.check import Condition
 from robot_retarget.servo.outcome import FaultError
+from robot_retarget.servo.protocol import ALERT, BROADCAST, Instruction
 
 # Ticks and radians of all servos at once.
 
@@ -30,7 +30,7 @@ class JointScale:
         self.joints: tuple[str, ...] = servo_map.joints
         self.ids: NDArray[np.uint8] = np.array(servo_map.ids, dtype=np.uint8)
         self._zero = np.array([s.zero for s in servo_map.servos], dtype=float)
-        self._scale = np.array([s.sign * s.gear * TICKS_PER_RADIAN for s in servo_map.servos])
+        self._scale = np.array([s.scale for s in servo_map.servos])
         self.tick: Floats = 1 / np.abs(self._scale)
         """(n,) angle of the joint per tick [rad]."""
         ranges = np.array([s.tick_range for s in servo_map.servos])
@@ -65,8 +65,7 @@ class Gate:
 
     def __init__(self, servo_map: ServoMap, scale: JointScale) -> None:
         self._map, self._scale = servo_map, scale
-        gears = np.array([servo.gear for servo in servo_map.servos])
-        self._cap = np.floor(servo_map.limits.jump * gears * TICKS_PER_RADIAN)
+        self._cap = np.floor(servo_map.limits.jump / scale.tick)
 
     def allowed(self, ticks: Ints, present: Ints) -> NDArray[np.bool_]:
         """(n,) which of the goals [ticks] may go to servos whose shafts are at `present` [ticks]; no number may not."""
@@ -90,15 +89,6 @@ class Gate:
             raise FaultError(f"{servo.joint} (servo {servo.id}) was to be sent {what}: not sent")
 
 
-GOAL = np.dtype([("id", "u1"), ("goal", "<i4")])
-READING = np.dtype([("current", "<i2"), ("velocity", "<i4"), ("position", "<i4")])
-GOALS = protocol.word(XM430_W350["goal_position"].address) + protocol.word(4)
-"""Address and size of goals in a sync write."""
-FROM = XM430_W350["present_current"].address
-SUPPLY = XM430_W350["present_input_voltage"].address, 3
-"""Voltage and temperature: address and bytes."""
-STATE = XM430_W350["torque_enable"].address, 7
-"""From `torque_enable` to `hardware_error_status`: address and bytes."""
 CYCLE_PATIENCE = 0.006
 """Timeout of an answer within a tick, beyond its time on the wire [s]: three quarters of the 8 ms of a tick."""
 
@@ -124,14 +114,17 @@ class Link:
         self.bus, self.map, self.scale = bus, servo_map, JointScale(servo_map)
         self.gate: Gate = Gate(servo_map, self.scale)
         self.ids: list[int] = list(servo_map.ids)
-        firmware = [c.values["firmware_version"] for c in conditions]
+        self._layout, self._registers = servo_map.servos[0].type.layout, servo_map.servos[0].type.registers
         starts = [s.type.fast_from for s in servo_map.servos]
-        self.fast: bool = all(f >= s > 0 for s, f in zip(starts, firmware, strict=True))
+        answers = zip(self.ids, starts, conditions, strict=True)
+        self._chained = [i for i, start, c in answers if c.values["firmware_version"] >= start > 0]
+        self.fast: bool = len(self._chained) == len(self.ids) or (self._layout.protocol == 1 and bool(self._chained))
         sign = np.array([s.sign for s in servo_map.servos])
         self._current_unit = sign * [s.type.current_unit for s in servo_map.servos]
-        self._velocity_unit = sign * [VELOCITY_UNIT / s.gear for s in servo_map.servos]
-        self._raw = bytearray(b"".join(_reading(c.values) for c in conditions))
-        self._rows = np.frombuffer(self._raw, dtype=READING)
+        self._velocity_unit = sign * [s.type.velocity_unit / s.gear for s in servo_map.servos]
+        start, size = self._layout.reading
+        self._raw = bytearray(b"".join(c.table[start : start + size] for c in conditions))
+        self._rows = np.frombuffer(self._raw, dtype=_dtype(self._registers, start, size))
         self.present: Floats = np.array([c.angle for c in conditions])
         self.error: Ints = np.zeros(len(self.ids), dtype=np.int64)
         self.voltage: Floats = np.array([c.values["present_input_voltage"] / 10 for c in conditions])
@@ -140,24 +133,34 @@ class Link:
         """(n,) whether torque is on, as last read or written."""
         self.hardware: Ints = np.zeros(len(self.ids), dtype=np.int64)
         """(n,) `hardware_error_status`, as last read."""
+        self.alerted: Ints = np.zeros(len(self.ids), dtype=np.int64)
+        """(n,) hardware errors in the last answers."""
         self._clock = clock
         self._heard = np.full(len(self.ids), clock())
         self._missed = np.zeros(len(self.ids), dtype=np.int64)
         self._place = {identity: k for k, identity in enumerate(self.ids)}
         self._turn = self._short = 0
-        self._table = np.zeros(len(self.ids), dtype=GOAL)
+        goal, number = self._layout.goal, bus.codec.number
+        self._goals = number(goal[0]) + number(goal[1])
+        self._table = np.zeros(len(self.ids), dtype=[("id", "u1"), ("goal", f"<i{goal[1]}")])
         self._table["id"] = self.ids
-        self._questions = [protocol.sync_read(FROM, READING.itemsize, self.ids, fast) for fast in (False, True)]
+        self._questions = [bus.codec.questions(start, size, self.ids, chain) for chain in ((), self._chained)]
 
     @property
     def velocity(self) -> Floats:
         """(n,) of the joints [rad/s]."""
-        return self._rows["velocity"] * self._velocity_unit
+        return self._signed("present_velocity") * self._velocity_unit
 
     @property
     def current(self) -> Floats:
-        """(n,) [A]."""
-        return self._rows["current"] * self._current_unit
+        """(n,) [A]; of a servo that measures none, its load as a part of the stall current."""
+        name = "present_current" if "present_current" in self._registers else "present_load"
+        return self._signed(name) * self._current_unit
+
+    def _signed(self, name: str) -> Ints:
+        """(n,) values of a register as last read."""
+        direction, raw = self._registers[name].direction, self._rows[name].astype(np.int64)
+        return direct(raw, direction) if direction else raw
 
     @property
     def age(self) -> Floats:
@@ -172,7 +175,7 @@ class Link:
     @property
     def position(self) -> Ints:
         """(n,) the latest present positions [ticks]."""
-        return self._rows["position"].astype(np.int64)
+        return self._rows["present_position"].astype(np.int64)
 
     def goals(self, goal: Floats) -> ServoGoals:
         """Goals [rad], ready to be sent.
@@ -182,15 +185,16 @@ class Link:
         """
         ticks = self.scale.ticks(goal)
         self._table["goal"] = ticks
-        return ServoGoals(ticks, _goal_frame(self._table))
+        return ServoGoals(ticks, self._goal_frame(self._table))
 
-    def command(self, goal: Floats) -> None:
-        """Send goals [rad] that pass the gate; other servos keep theirs."""
+    def command(self, goal: Floats, which: Bools | None = None) -> None:
+        """Send goals [rad] that pass the gate to `which` servos (n,), all by default; other servos keep theirs."""
         ticks, position = self.scale.ticks(np.where(np.isfinite(goal), goal, self.present)), self.position
         self._table["goal"] = ticks
-        allowed = self._table[self.gate.allowed(ticks, position)]
+        passed = self.gate.allowed(ticks, position)
+        allowed = self._table[passed if which is None else passed & which]
         if allowed.size:
-            self.bus.send(_goal_frame(allowed))
+            self.bus.send(self._goal_frame(allowed))
 
     def exchange(self, goals: ServoGoals) -> None:
         """Send goals and ask for readings in one go: a single transfer for a USB adapter.
@@ -199,7 +203,10 @@ class Link:
             FaultError: a goal may not be sent; none is.
         """
         self.gate.require(goals.ticks, self.position)
-        self.bus.send(goals.frame + self._questions[self.fast])
+        self.bus.send(goals.frame + self._questions[self.fast][0].frame)
+
+    def _goal_frame(self, table: np.ndarray) -> bytes:
+        return self.bus.codec.frame(BROADCAST, Instruction.SYNC_WRITE, self._goals + table.tobytes())
 
     def write_verified(self, goals: ServoGoals, k: int) -> bool:
         """Write one servo's goal and read it back. Returns whether they agree.
@@ -214,38 +221,43 @@ class Link:
         return self.bus.value(servo.id, register) == goal
 
     def set_all(self, name: str, value: int) -> None:
-        """Write one value to a RAM register of all servos, without confirmation."""
-        register = XM430_W350[name]
-        data = register.checked(value)
-        self.bus.send(protocol.sync_write(register.address, register.size, ((i, data) for i in self.ids)))
+        """Write one value to a RAM register of all servos that have it, without confirmation."""
+        having = [servo for servo in self.map.servos if name in servo.type.registers]
+        if having:
+            register = having[0].type.registers[name]
+            data = register.checked(value)
+            self.bus.send(self.bus.codec.sync_write(register.address, register.size, ((s.id, data) for s in having)))
 
     def watchdog(self, seconds: float) -> None:
-        """Set the time without a message after which the servos stop [s]; 0 for never."""
+        """Set the time without a message after which the servos stop [s]; 0 for never. Protocol 1 has no such stop."""
         self.set_all("bus_watchdog", 0)
         if seconds:
             self.set_all("bus_watchdog", max(1, min(127, round(seconds / WATCHDOG_UNIT))))
 
     def read(self) -> None:
         """Request readings and receive them with a long timeout."""
-        self.bus.send(self._questions[self.fast])
+        self.bus.send(self._questions[self.fast][0].frame)
         self.listen(PATIENCE)
 
     def listen(self, patience: float = CYCLE_PATIENCE) -> None:
         """Receive the requested readings; lost ones keep their value, and their age grows."""
-        sent, size = 14 + 6 * len(self.ids) + 14, READING.itemsize
+        size, goals = self._layout.reading[1], len(self.ids) * self._table.itemsize
         self._missed += 1
-        for reply in self.bus.replies(size, self.ids, self.fast, sent, patience):
-            k = self._place.get(reply.id)
-            if k is not None:
+        for turn, question in enumerate(self._questions[self.fast]):
+            if turn:
+                self.bus.send(question.frame)
+            for reply in self.bus.replies(question, size, len(question.frame) + (0 if turn else goals), patience):
+                k = self._place[reply.id]
                 # Each answer is stored on arrival, before the next one.
                 self._raw[k * size : (k + 1) * size] = reply.data
-                self.error[k] = reply.error | reply.alert << 7
+                self.error[k] = reply.error | (ALERT if reply.hardware else 0)
+                self.alerted[k] = reply.hardware
                 self._missed[k] = 0
                 self._heard[k] = self._clock()
         # A break in the chain of a fast read loses all servos behind it: two in a row are enough.
         self._short = self._short + 1 if self._missed.any() else 0
         self.fast &= self._short < 2
-        self.present = self.scale.radians(self._rows["position"])
+        self.present = self.scale.radians(self._rows["present_position"])
 
     def read_slow_registers(self, count: int = 1) -> None:
         """Read slow registers of the next `count` servos: supply and state of all servos in turn."""
@@ -255,27 +267,35 @@ class Link:
         if round_of_state:
             self.read_state(places)
             return
-        for k, data in self._slow(SUPPLY, places):
-            self.voltage[k] = int.from_bytes(data[:2], "little") / 10
-            self.temperature[k] = data[2]
+        voltage, temperature = (self._registers[f"present_{name}"] for name in ("input_voltage", "temperature"))
+        start = self._layout.supply[0]
+        for k, data in self._slow(self._layout.supply, places):
+            self.voltage[k] = voltage.decode(data[voltage.address - start :]) / 10
+            self.temperature[k] = temperature.decode(data[temperature.address - start :])
 
     def read_state(self, places: Sequence[int]) -> None:
         """Read torque enable and hardware errors of the servos at `places` of the map."""
-        for k, data in self._slow(STATE, places):
-            self.torque[k], self.hardware[k] = bool(data[0]), data[6]
+        for k, data in self._slow(self._layout.state, places):
+            self.torque[k] = bool(data[0])
+            self.hardware[k] = data[-1] if len(data) > 1 else self.alerted[k]
+
+    def hardware_bits(self, k: int) -> int:
+        """Return the hardware errors of one servo: from its register, or under Protocol 1 from its last answer."""
+        register = self._registers.get("hardware_error_status")
+        return self.bus.value(self.ids[k], register) if register else int(self.alerted[k])
 
     def _slow(self, registers: tuple[int, int], places: Sequence[int]) -> Iterator[tuple[int, bytes]]:
         """Place and bytes of each servo that answers."""
-        replies = self.bus.sync_read(*registers, [self.ids[k] for k in places], patience=CYCLE_PATIENCE)
+        chained = self._chained if self._layout.protocol == 1 and self.fast else ()
+        replies = self.bus.read_all(*registers, [self.ids[k] for k in places], chained, CYCLE_PATIENCE)
         for identity, reply in replies.items():
             yield self._place[identity], reply.data
 
 
-def _goal_frame(table: np.ndarray) -> bytes:
-    return protocol.frame(protocol.BROADCAST, protocol.Instruction.SYNC_WRITE, GOALS + table.tobytes())
-
-
-def _reading(values: dict[str, int]) -> bytes:
-    """Return the answer that register values correspond to."""
-    present = values.get("present_current", 0), values["present_velocity"], values["present_position"]
-    return np.array([present], dtype=READING).tobytes()
+def _dtype(registers: Mapping[str, Register], start: int, size: int) -> np.dtype[Any]:
+    """Return the registers of a reading of `size` bytes from `start` as columns."""
+    names = [name for name, r in registers.items() if start <= r.address < start + size]
+    found = [registers[name] for name in names]
+    kinds = [f"<{'i' if r.signed and not r.direction else 'u'}{r.size}" for r in found]
+    offsets = [r.address - start for r in found]
+    return np.dtype({"names": names, "formats": kinds, "offsets": offsets, "itemsize": size})

@@ -46,17 +46,20 @@ def take_hold(link: Link, judge: Judge) -> Guard:
             link.bus.write(servo.id, servo.type.registers["position_p_gain"], servo.p_gain)
         link.bus.write(servo.id, servo.type.registers["torque_enable"], 1)
         link.torque[k] = True
-    link.watchdog(link.map.limits.watchdog)
+    link.watchdog(link.map.watchdog)
     judge.require_fresh()
     return Guard(link.scale, link.map.limits, np.clip(link.present, link.scale.lower, link.scale.upper))
 
 
 def leave_holding(link: Link, goal: Floats | None) -> None:
-    """Switch the watchdog off, three times as no servo confirms it; move goals that are far from their joints to them."""
+    """Switch the watchdog off, three times as no servo confirms it; move goals that are far from their joints to them.
+
+    Servos without torque get no goal: under Protocol 1 it would switch their torque on.
+    """
     for _ in range(3):
         link.set_all("bus_watchdog", 0)
     if goal is not None:
-        link.command(np.where(np.abs(goal - link.present) <= STRAIN, goal, link.present))
+        link.command(np.where(np.abs(goal - link.present) <= STRAIN, goal, link.present), link.torque)
 
 
 def let_go(link: Link) -> None:
@@ -201,7 +204,7 @@ class Performance:
         while k <= final():
             due = began + k * period
             now = self._wait(due)
-            if now - last > self.map.limits.watchdog > 0:
+            if now - last > self.map.watchdog > 0:
                 raise FaultError(f"this computer paused for {now - last:.2f} s; the servos stopped themselves")
             last, made = now, step(k)
             if made is None:
@@ -273,9 +276,10 @@ class Performance:
         self.cycle.finish()
 
     def _gone(self, reason: str) -> PlaybackOutcome:
-        watchdog = self.map.limits.watchdog
+        watchdog = self.map.watchdog
         after = f"; the servos stop by themselves after {1000 * watchdog:.0f} ms" if watchdog else ""
-        return self._outcome(PlaybackEnd.LOST, "watchdog", reason + after)
+        after = after or "; the servos have no watchdog and hold their last goals"
+        return self._outcome(PlaybackEnd.LOST, "watchdog" if watchdog else "hold", reason + after)
 
     def _outcome(self, ended: PlaybackEnd, state: str, reason: str) -> PlaybackOutcome:
         if self.cycle is not None:
@@ -303,13 +307,13 @@ def perform(
     Raises:
         ServoError: as `play`.
     """
-    watchdog = servo_map.limits.watchdog
+    watchdog = servo_map.watchdog
     slow = slow_adapter(port)
     if slow is not None:
         raise ServoError(slow)
     if rate * watchdog < 2 and watchdog:
         raise ServoError(f"{rate:g} ticks a second do not feed a watchdog of {watchdog:g} s; {2 / watchdog:g} do")
-    with record.kept(log), Bus(port, servo_map.baud, options.lockstep) as bus:
+    with record.kept(log), Bus(port, servo_map.baud, options.lockstep, servo_map.protocol) as bus:
         return act(Performance(bus, servo_map, rate, options, record, say))
 
 

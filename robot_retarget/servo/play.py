@@ -161,7 +161,7 @@ def preview(plan: ServoPlan, servo_map: ServoMap, port: str | Path | None = None
         "clipped_rad": {j: round(float(x), 4) for j, x in zip(servo_map.joints, outside, strict=True) if x > 5e-5},
     }
     if port is not None:
-        with Bus(port, servo_map.baud) as bus:
+        with Bus(port, servo_map.baud, version=servo_map.protocol) as bus:
             conditions, warnings = require_fit(bus, servo_map)
         here = np.array([condition.angle for condition in conditions])
         way = glide(here, plan.angles[0], plan.rate, servo_map.limits)

@@ -1,10 +1,11 @@
 """Dynamixel Protocol 2.0: frames, their checksum and stuffing, fast-read blocks, and a parser that resynchronises.
 
-Pure functions of bytes; nothing here knows a port. Reference: https://emanual.robotis.com/docs/en/dxl/protocol2/
+Pure functions of bytes; nothing here knows a port. `protocol1` has the same names for Protocol 1. Reference:
+https://emanual.robotis.com/docs/en/dxl/protocol2/
 """
 
 from array import array
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from enum import IntEnum
 from struct import unpack_from
 from typing import NamedTuple
@@ -16,7 +17,11 @@ LONGEST = 4096
 """A frame that claims more bytes than this after its length field is noise."""
 
 CLEAR_MULTI_TURN = b"\x01\x44\x58\x4c\x22"
-
+VERSION = 2
+STATUS_SIZE = 11
+"""Bytes of a status without data."""
+PING_DATA = 3
+"""Bytes of data in the answer to a ping: model number and firmware."""
 
 NO_MORE = HEADER + b"\xfd\x04\x00\x55\x00\x00\x00"
 """Ends the answers to a request on an emulated bus in lockstep, whose time stands still: no servo has the id 253, and no checksum is 0."""
@@ -35,6 +40,7 @@ class Instruction(IntEnum):
     SYNC_READ = 0x82
     SYNC_WRITE = 0x83
     FAST_SYNC_READ = 0x8A
+    BULK_READ = 0x92
 
 
 class Error(IntEnum):
@@ -101,18 +107,15 @@ class DynamixelPacket(NamedTuple):
 
     id: int
     instruction: int
-    stuffed: bytes
-    """Bytes between instruction and checksum, as received. Fast replies have no stuffing."""
-
-    @property
-    def params(self) -> bytes:
-        """The parameters, unstuffed."""
-        return unstuff(self.stuffed)
+    params: bytes
+    """The parameters, unstuffed; those of a status begin with its error byte."""
+    size: int = 0
+    """Of the whole frame [B]."""
 
     @property
     def error(self) -> int:
         """The error byte of a status."""
-        return self.stuffed[0] if self.stuffed else 0
+        return self.params[0] if self.params else 0
 
     @property
     def data(self) -> bytes:
@@ -127,9 +130,18 @@ def frame(identity: int, instruction: int, params: bytes = b"") -> bytes:
     return whole + word(crc16(whole))
 
 
-def status(identity: int, error: int = 0, data: bytes = b"") -> bytes:
-    """A servo's answer."""
-    return frame(identity, Instruction.STATUS, bytes((error,)) + data)
+def status(identity: int, error: int = 0, data: bytes = b"", hardware: int = 0) -> bytes:
+    """A servo's answer; `hardware` are its hardware errors."""
+    return frame(identity, Instruction.STATUS, bytes((error | (ALERT if hardware else 0),)) + data)
+
+
+def verdict(error: int) -> tuple[int, int]:
+    """Error code and alert bit of a status' error byte."""
+    return error & ~ALERT, error & ALERT
+
+
+number = word
+"""An address or a length in parameters."""
 
 
 def read(identity: int, address: int, length: int) -> bytes:
@@ -154,12 +166,37 @@ def sync_write(address: int, length: int, values: Iterable[tuple[int, bytes]]) -
     Raises:
         ValueError: a value has not the announced length.
     """
-    parts = [word(address) + word(length)]
+    return frame(BROADCAST, Instruction.SYNC_WRITE, word(address) + word(length) + joined(values, length))
+
+
+def joined(values: Iterable[tuple[int, bytes]], length: int) -> bytes:
+    """Return ids and data in a row.
+
+    Raises:
+        ValueError: as `sync_write`.
+    """
+    parts = []
     for identity, data in values:
         if len(data) != length:
             raise ValueError(f"servo {identity} gets {len(data)} bytes, {length} announced")
         parts.append(bytes((identity,)) + data)
-    return frame(BROADCAST, Instruction.SYNC_WRITE, b"".join(parts))
+    return b"".join(parts)
+
+
+class Question(NamedTuple):
+    """A request for the same bytes of some servos, sent when the one before is answered."""
+
+    frame: bytes
+    ids: Sequence[int]
+    """Who answers, in this order."""
+    joint: bool = False
+    """The answers are one frame, that of a fast read."""
+
+
+def questions(address: int, length: int, ids: Sequence[int], chained: Collection[int] = ()) -> list[Question]:
+    """Requests for the same bytes of several servos: one sync read, fast if all know it (`chained`)."""
+    fast = set(ids) <= set(chained)
+    return [Question(sync_read(address, length, ids, fast), ids, fast)]
 
 
 def fast_status(blocks: Sequence[tuple[int, int, bytes]]) -> bytes:
@@ -204,9 +241,11 @@ class Parser:
 
     Args:
         strict: drop frames whose content holds an unstuffed FF FF FD, as some hosts send them.
+        host: as for Protocol 1, whose statuses look like instructions.
     """
 
-    def __init__(self, strict: bool = False) -> None:
+    def __init__(self, strict: bool = False, host: bool = False) -> None:
+        del host
         self.strict = strict
         self.broken: int = 0
         """Number of frames with a wrong checksum."""
@@ -217,8 +256,9 @@ class Parser:
         """Bytes of an incomplete frame."""
         return bytes(self._buffer)
 
-    def clear(self) -> None:
-        """Drop the incomplete frame."""
+    def clear(self, sent: bytes = b"") -> None:
+        """Drop the incomplete frame; `sent` are the frames that the next ones answer."""
+        del sent
         self._buffer.clear()
 
     def feed(self, data: bytes) -> list[DynamixelPacket]:
@@ -244,9 +284,10 @@ class Parser:
                 self.broken += 1
                 del buffer[0]
             else:
-                found = DynamixelPacket(buffer[4], buffer[7], bytes(buffer[8 : end - 2]))
+                stuffed = bytes(buffer[8 : end - 2])
+                found = DynamixelPacket(buffer[4], buffer[7], unstuff(stuffed), end)
                 del buffer[:end]
-                if not (self.strict and b"\xff\xff\xfd" in found.stuffed.replace(b"\xff\xff\xfd\xfd", b".")):
+                if not (self.strict and b"\xff\xff\xfd" in stuffed.replace(b"\xff\xff\xfd\xfd", b".")):
                     yield found
 
     def _align(self) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 from robot_retarget.actuators.balance_tables import Imu
 from robot_retarget.actuators.goals import RATE
 from robot_retarget.actuators.inertial import LEVEL, BodyMotion, Reading, VirtualImu
-from robot_retarget.actuators.map import TICKS_PER_RADIAN, ServoMap
+from robot_retarget.actuators.map import ServoMap
 from robot_retarget.base.errors import ServoError, known
 from robot_retarget.scene.geoms import add_floor
 
@@ -104,7 +104,7 @@ class Twin:
         self._qpos = np.array([self.model.jnt_qposadr[j] for j in joints])
         self._dof = np.array([self.model.jnt_dofadr[j] for j in joints])
         gear = np.array([servo.sign * servo.gear for servo in servo_map.servos])
-        self._gear, self._scale = gear, gear * TICKS_PER_RADIAN
+        self._gear, self._scale = gear, np.array([servo.scale for servo in servo_map.servos])
         self._zero = np.array([float(servo.zero) for servo in servo_map.servos])
         free = np.flatnonzero(self.model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
         self._root = int(self.model.jnt_qposadr[free[0]]) if free.size else None

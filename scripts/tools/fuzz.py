@@ -314,7 +314,7 @@ def servo_target(folder: Path, more: list[Path]) -> Target:
             other = frame._replace(
                 id=rng.choice((1, 2, BROADCAST)),
                 instruction=rng.choice(list(Instruction)),
-                stuffed=words + rng.randbytes(rng.randrange(9)),
+                params=words + rng.randbytes(rng.randrange(9)),
             )
             network.answer(other)
         for device in devices:

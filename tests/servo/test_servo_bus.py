@@ -115,7 +115,7 @@ def test_a_missing_servo_is_waited_for_less_long_than_by_the_sdk(emulator: Emula
 @pytest.mark.parametrize("fast", [False, True])
 def test_a_sync_read_gives_those_who_answered(emulator: Emulated, bus: Bus, fast: bool) -> None:
     emulator.do("silent 3")
-    replies = bus.sync_read(POSITION.address, 4, IDS, fast)
+    replies = bus.read_all(POSITION.address, 4, IDS, IDS if fast else ())
     assert set(replies) == ({1, 2} if fast else {1, 2, 4})
     assert all(POSITION.decode(r.data) == ARM.servos[k - 1].zero for k, r in replies.items())
     bus.close()
@@ -134,7 +134,7 @@ def test_only_the_last_servo_in_turn_is_waited_for(emulator: Emulated, silent: i
     emulator.do(f"silent {silent}")
     with Bus(emulator.port, ARM.baud) as bus:
         began = time.monotonic()
-        assert set(bus.sync_read(POSITION.address, 4, IDS, patience=patience)) == {1, 2, 3, 4} - {silent}
+        assert set(bus.read_all(POSITION.address, 4, IDS, patience=patience)) == {1, 2, 3, 4} - {silent}
         took = time.monotonic() - began
     assert took < 60 if silent == 2 else took >= patience
 
@@ -142,15 +142,15 @@ def test_only_the_last_servo_in_turn_is_waited_for(emulator: Emulated, silent: i
 def test_a_late_answer_does_not_hide_a_fast_one(emulator: Emulated) -> None:
     emulator.do("delay 300")
     with Bus(emulator.port, ARM.baud) as bus:
-        assert not bus.sync_read(POSITION.address, 3, [2], patience=0.0)
-        assert set(bus.sync_read(POSITION.address, 4, IDS, fast=True, patience=60.0)) == {1, 2, 3, 4}
+        assert not bus.read_all(POSITION.address, 3, [2], patience=0.0)
+        assert set(bus.read_all(POSITION.address, 4, IDS, IDS, patience=60.0)) == {1, 2, 3, 4}
 
 
 @pytest.mark.parametrize("fast", [False, True])
 def test_a_sync_read_keeps_each_servo_s_alert(emulator: Emulated, bus: Bus, fast: bool) -> None:
     emulator.do("overload 2")
-    replies = bus.sync_read(POSITION.address, 4, IDS, fast)
-    assert [replies[k].alert for k in IDS] == [False, True, False, False]
+    replies = bus.read_all(POSITION.address, 4, IDS, IDS if fast else ())
+    assert [bool(replies[k].hardware) for k in IDS] == [False, True, False, False]
     bus.close()
     port, packets = plain(emulator, PATIENT)
     group = GroupSyncRead(port, packets, POSITION.address, 4)

@@ -10,13 +10,16 @@ from hypothesis import strategies as st
 from robot_retarget.actuators.control_tables import OVERLOAD, XM430_W350, model_named
 from robot_retarget.servo import protocol
 from robot_retarget.servo.emulator.device import Device, rested
-from robot_retarget.servo.emulator.motor import ACCELERATION, OVERLOAD_TIME, VELOCITY, time_based, velocity_based
+from robot_retarget.servo.emulator.motor import OVERLOAD_TIME, time_based, velocity_based
 from robot_retarget.servo.emulator.network import Network
 from robot_retarget.servo.emulator.server import TURNAROUND, WireTiming
 from robot_retarget.servo.emulator.world import World
 from robot_retarget.servo.protocol import BROADCAST, DynamixelPacket, Error, Instruction, Parser, frame
 
 XM = model_named("XM430-W350")
+
+VELOCITY, ACCELERATION = 0.229 * 4096 / 60, 214.577 * 4096 / 3600
+"""Units of the X series' registers [ticks/s] and [ticks/s²], from the manual."""
 
 
 def made(count: int = 1, model: str = "XM430-W350") -> tuple[Network, World]:
@@ -292,7 +295,7 @@ def test_an_xl430_has_no_current_and_no_current_modes() -> None:
 
 @given(st.integers(1, 300), st.integers(0, 300), st.integers(-3000, 3000))
 def test_a_profile_ends_at_its_goal_and_never_breaks_its_limits(speed: int, pull: int, distance: int) -> None:
-    path = velocity_based(100.0, 100.0 + distance, speed, pull)
+    path = velocity_based(100.0, 100.0 + distance, speed * VELOCITY, pull * ACCELERATION)
     assert path.position(path.total) == pytest.approx(100 + distance)
     step = max(path.total, 1e-3) / 500
     places = [path.position(k * step) for k in range(501)]
@@ -306,7 +309,7 @@ def test_a_profile_ends_at_its_goal_and_never_breaks_its_limits(speed: int, pull
 
 def test_a_profile_takes_the_manual_s_times() -> None:
     """t₁ = 64 V / A and t₂ = 64 Δ / V in ms, to the rounding of 64."""
-    path = velocity_based(0, 2000, 100, 20)
+    path = velocity_based(0, 2000, 100 * VELOCITY, 20 * ACCELERATION)
     assert 1000 * path.ramp == pytest.approx(64 * 100 / 20, rel=0.01)
     assert 1000 * (path.total - path.ramp) == pytest.approx(64 * 2000 / 100, rel=0.01)
     timed = time_based(0, 2000, 500, 400)

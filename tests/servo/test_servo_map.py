@@ -72,7 +72,7 @@ def test_the_shipped_maps_load_and_name_their_robot() -> None:
         ("", "at least one servo"),
         ("[servo.a]\nid = 1", "a: missing 1 required positional argument: 'model'"),
         ("[servo.a]\nid = 1\nmodel = 'XM430-W350'\nspin = 2", "a: no key 'spin'; .*known: .*zero"),
-        ("[servo.a]\nid = 1\nmodel = 'AX-12'", "no servo model 'AX-12'"),
+        ("[servo.a]\nid = 1\nmodel = 'RX-28'", "no servo model 'RX-28'"),
         ("[servo.a]\nid = 300\nmodel = 'XM430-W350'", "id 300 is not in"),
         ("[servo.a]\nid = 1\nmodel = 'XM430-W350'\n[servo.b]\nid = 1\nmodel = 'XM430-W350'", "id 1 stands twice"),
         ("[servo.a]\nid = '1'\nmodel = 'XM430-W350'", "a: id cannot be '1'"),

@@ -13,7 +13,10 @@ SHIPPED = Path(dynamixel_sdk.__file__).parents[1] / "dynamixel_easy_sdk" / "cont
 
 
 def model_file(name: str) -> Path:
-    return SHIPPED / (name.lower().replace("-", "_") + ".model")
+    """Of the registers under Protocol 2."""
+    if model_named(name).protocol == 1:
+        return SHIPPED / "none"
+    return SHIPPED / (name.lower().replace("(2.0)", "").replace("xl-", "xl").replace("-", "_") + ".model")
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -24,7 +27,7 @@ def test_every_register_lies_where_the_sdk_s_model_file_puts_it(name: str) -> No
     theirs = {tuple(map(int, row.split("\t")[:2])): row.split("\t")[2] for row in rows if row.strip()}
     ours = {(r.address, r.size) for r in MODELS[name].registers.values()}
     named = {place for place, title in theirs.items() if "Indirect" not in title and place[0] < 168}
-    assert named <= ours | {(126, 2)}
+    assert named <= ours | {(126, 2)}, "and the load of an XL or MX-28 at 126"
     assert {place for place in ours if place[0] not in (60, 147)} <= named
 
 
@@ -42,8 +45,10 @@ def test_registers_do_not_overlap_and_hold_their_defaults(name: str) -> None:
 def test_models_are_known_by_name_with_any_connector_and_by_number() -> None:
     assert model_named("xm430-w350-R") is model_numbered(1020)
     assert model_numbered(9999) is None
-    with pytest.raises(ServoError, match=r"no servo model 'AX-12'; known: .*XM430-W350"):
-        model_named("AX-12")
+    assert model_named("MX-28AT").protocol == 1 and model_named("mx-28ar(2.0)") is model_numbered(30)
+    assert {model_named(name).number for name in ("AX-12", "AX-12A", "AX-12+")} == {12}
+    with pytest.raises(ServoError, match=r"no servo model 'RX-28'; .*known: .*XM430-W350"):
+        model_named("RX-28")
 
 
 def test_every_control_table_has_its_motor_and_every_motor_its_table() -> None:

@@ -55,7 +55,7 @@ def test_a_joint_driven_against_its_stop_overloads_its_servo_and_no_other() -> N
     devices[head].write(116, (4095).to_bytes(4, "little"))
     for _ in range(50):
         world.advance(world.time + 0.05)
-    assert {device.id for device in devices if device.alert} == {devices[head].id}
+    assert {device.id for device in devices if device.hardware} == {devices[head].id}
     assert not devices[head].torque and devices[head].registers["hardware_error_status"] == 1 << OVERLOAD
 
 

@@ -4,12 +4,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from robot_retarget.actuators.control_tables import BAUDS, CENTRE, LAST_POSITION
+from robot_retarget.actuators.control_tables import BAUDS
 from robot_retarget.actuators.inertial import LEVEL, VirtualImu
 from robot_retarget.actuators.map import ServoMap
 from robot_retarget.actuators.motors import Pendulum
 from robot_retarget.base.errors import ServoError
 from robot_retarget.base.files import MODELS
+from robot_retarget.servo.bus import CODECS
 from robot_retarget.servo.emulator.device import rested
 from robot_retarget.servo.emulator.network import Board, Network
 from robot_retarget.servo.emulator.server import Server, WireTiming
@@ -50,8 +51,9 @@ def emulator(
     Raises:
         ServoError: the model, a fault, the link or the window is not to be had.
     """
-    code = BAUDS.index(servo_map.baud)
-    devices = [rested(s.type, s.id, code, s.zero if 0 <= s.zero <= LAST_POSITION else CENTRE) for s in servo_map.servos]
+    code = next(code for code, rate in BAUDS[servo_map.protocol].items() if rate == servo_map.baud)
+    places = [s.zero if 0 <= s.zero < s.type.steps else s.type.centre for s in servo_map.servos]
+    devices = [rested(s.type, s.id, code, place) for s, place in zip(servo_map.servos, places, strict=True)]
     for device, servo in zip(devices, servo_map.servos, strict=True):
         device.registers["return_delay_time"] = return_delay
         if pendulum is not None:
@@ -67,7 +69,7 @@ def emulator(
     for device in devices:
         device.boot()
     server = Server(
-        Network(devices, _boards(servo_map, plant)),
+        Network(devices, _boards(servo_map, plant), CODECS[servo_map.protocol]),
         world,
         timing or WireTiming(),
         link,

@@ -3,10 +3,9 @@
 from dataclasses import dataclass
 
 from robot_retarget.actuators.control_tables import (
-    CENTRE,
-    INDIRECT,
     OVERHEATING,
     OVERLOAD,
+    TABLES,
     VOLTAGE,
     WATCHDOG_UNIT,
     Model,
@@ -24,7 +23,7 @@ from robot_retarget.servo.emulator.registers import (
     resolved_runs,
     shut_down,
 )
-from robot_retarget.servo.protocol import ALERT, CLEAR_MULTI_TURN, Error
+from robot_retarget.servo.protocol import CLEAR_MULTI_TURN, Error
 
 # Log of the writes of hosts to a servo.
 
@@ -60,8 +59,8 @@ class WriteLog:
         self.largest_step = max(self.largest_step, round(abs(goal - present)))
 
 
-PRESENT = range(120, 148)
-"""Addresses that are worked out when somebody looks."""
+PRESENT = ("present", "realtime")
+"""Registers that are worked out when somebody looks, or at addresses behind them, begin with these."""
 
 
 class Device:
@@ -71,6 +70,7 @@ class Device:
         self.model, self.writes = model, WriteLog()
         self.motor, self.registers = EmulatedMotor(model), Registers(model)
         self.shaft = Shaft(self.registers, self.motor)
+        self._present = min(r.address for name, r in model.registers.items() if name.startswith(PRESENT))
         self.voltage = model.motor.voltage
         self.now = 0.0
         """Time of the world [s]."""
@@ -93,9 +93,9 @@ class Device:
         return self.registers["operating_mode"]
 
     @property
-    def alert(self) -> int:
-        """The alert bit, when a hardware error is pending."""
-        return ALERT if self.registers["hardware_error_status"] else 0
+    def hardware(self) -> int:
+        """Pending hardware errors."""
+        return self.registers["hardware_error_status"]
 
     # What happens to it
 
@@ -104,7 +104,7 @@ class Device:
         registers = self.registers
         registers.reset_ram()
         for goal, limit in LIMITED.items():
-            if goal in registers and goal != "goal_velocity":
+            if goal in registers.by_name and goal != "goal_velocity":
                 registers[goal] = registers[limit]
         self.expired, self._booted, self._fed = False, self.now, self.now
         self.motor.switch_off()
@@ -118,8 +118,13 @@ class Device:
 
     def fail(self, bit: int) -> None:
         """Raise a hardware error; the servo lets go when `shutdown` says so."""
+        bit = self.model.errors.get(bit, -1)
+        if bit < 0:
+            return
         self.registers["hardware_error_status"] |= 1 << bit
-        if self.registers["shutdown"] >> bit & 1:
+        if self.registers["shutdown"] >> bit & 1 and self.model.table in TABLES:
+            self.registers["goal_pwm"] = 0
+        elif self.registers["shutdown"] >> bit & 1:
             self._torque(0)
 
     def feed(self) -> None:
@@ -157,7 +162,7 @@ class Device:
         if not self.registers.exists(address, length):
             return Error.ACCESS, b""
         end = address + length
-        if (address < PRESENT.stop and end > PRESENT.start) or end > INDIRECT[0][1]:
+        if end > self._present:
             self.publish()
         return Error.NONE, self.registers.read(address, length)
 
@@ -224,7 +229,9 @@ class Device:
             self._rebase()
         elif name == "bus_watchdog" and value == 0:
             self.expired = False
-        if name == GOALS.get(self.mode) and r["drive_mode"] & TORQUE_BY_GOAL and not shut_down(r):
+        # Under Protocol 1 any goal does it: users of MX report so, the manual does not say.
+        by_goal = r["drive_mode"] & TORQUE_BY_GOAL or self.model.protocol == 1
+        if name == GOALS.get(self.mode) and by_goal and not shut_down(r):
             self._torque(1)
 
     def _torque(self, value: int) -> None:
@@ -247,10 +254,10 @@ class Device:
         r = self.registers
         if self.mode in POSITIONS:
             for gain in ("position_p_gain", "position_i_gain", "position_d_gain"):
-                r[gain] = self.model.registers[gain].default
+                r[gain] = r.by_name[gain].default
         r["profile_velocity"] = r["profile_acceleration"] = 0
         for goal in ("goal_pwm", "goal_current"):
-            if goal in r:
+            if goal in r.by_name:
                 r[goal] = r[LIMITED[goal]]
         self._rebase()
 
@@ -261,11 +268,11 @@ class Device:
         self.shaft.set_stationary(self.registers["goal_position"], self.now)
 
 
-def rested(model: Model, identity: int, baud: int, ticks: float = CENTRE) -> Device:
+def rested(model: Model, identity: int, baud: int, ticks: float | None = None) -> Device:
     """A servo as a robot has it: its own id, the bus' baud rate, no return delay, at a position, torque off."""
     device = Device(model)
     device.registers["id"], device.registers["baud_rate"] = identity, baud
     device.registers["return_delay_time"] = 0
-    device.place(ticks)
+    device.place(model.centre if ticks is None else ticks)
     device.boot()
     return device

@@ -1,14 +1,13 @@
 """What turns inside a servo: the position controller, and a plain motor on a load."""
 
 from dataclasses import dataclass, field
-from math import exp, sin, sqrt, tau
+from math import exp, sin, sqrt
 
 from robot_retarget.actuators.control_tables import Model
 from robot_retarget.actuators.motors import (
     FULL_PWM,
     HEAT_RISE,
     HEAT_TIME,
-    TICKS_PER_TURN,
     Pendulum,
     mechanics_of,
     next_speed,
@@ -23,8 +22,6 @@ from robot_retarget.servo.emulator.registers import (
     Registers,
 )
 
-RADIANS = tau / TICKS_PER_TURN
-"""Of a tick [rad]."""
 AMBIENT = 30.0
 """Temperature of the room and of a rested servo [°C]: the one from which `HEAT_RISE` = 50 K reaches the shutdown."""
 OVERLOAD_DUTY = 0.8
@@ -41,7 +38,7 @@ class EmulatedMotor:
 
     model: Model
     position: float = 2048.0
-    """Unfolded [ticks]: 2048 is the middle of the turn."""
+    """Unfolded [ticks]; 2048 is the middle of the turn of an X servo."""
     velocity: float = 0.0
     """[ticks/s]."""
     duty: float = 0.0
@@ -67,6 +64,11 @@ class EmulatedMotor:
     """For how long it has carried more than it can [s]."""
     integral: float = field(default=0.0, repr=False)
 
+    @property
+    def tick(self) -> float:
+        """Angle of a tick [rad]."""
+        return 1 / self.model.motor.ticks_per_radian
+
     def torque(self, voltage: float) -> float:
         """Of the winding, before what speed takes away [N m]."""
         return self.duty * self.model.motor.stall_at(voltage)
@@ -80,15 +82,16 @@ class EmulatedMotor:
 
     def step_plant(self, voltage: float, dt: float) -> None:
         """Step the built-in plant: J ω' = τ(duty) − m g l sin q − d ω − friction (`mechanics.next_speed`)."""
-        torque = self.torque(voltage) - self.weight * sin((self.position - self.hanging) * RADIANS / self.gear)
+        tick = self.tick
+        torque = self.torque(voltage) - self.weight * sin((self.position - self.hanging) * tick / self.gear)
         drag = self.model.motor.back_emf + self.damping
-        omega = next_speed(self.velocity * RADIANS, torque, self.inertia, drag, self.friction, dt)
-        self.velocity = 0.0 if self.jammed else omega / RADIANS
+        omega = next_speed(self.velocity * tick, torque, self.inertia, drag, self.friction, dt)
+        self.velocity = 0.0 if self.jammed else omega / tick
         self.position += self.velocity * dt
 
     def update_load(self, voltage: float, dt: float) -> None:
         """Update current, heat and overload from duty and speed."""
-        motor, speed = self.model.motor, self.velocity * RADIANS
+        motor, speed = self.model.motor, self.velocity * self.tick
         self.current = motor.current(self.duty, speed, voltage) if self.duty else 0.0
         goal = AMBIENT + HEAT_RISE * (self.current / motor.continuous_current) ** 2
         self.temperature += (goal - self.temperature) * (1 - exp(-dt / HEAT_TIME))
@@ -109,7 +112,7 @@ class EmulatedMotor:
         self.integral = max(-limit, min(limit, self.integral + i / 65536 * error * dt * 1000 / FULL_PWM)) if i else 0.0
         motor = self.model.motor
         ahead = motor.duty_per_error(p) * error + motor.duty_per_speed(d) * (speed - self.velocity)
-        raw = RADIANS * ahead + self.integral
+        raw = self.tick * ahead + self.integral
         self.duty = max(-limit, min(limit, raw))
 
     def switch_off(self) -> None:
@@ -119,10 +122,8 @@ class EmulatedMotor:
 
 # The path from where a goal position finds the servo to the goal: step, rectangle, triangle or trapezoid of speed.
 
-VELOCITY = 0.229 * TICKS_PER_TURN / 60
-"""One raw unit of velocity [ticks/s]."""
-ACCELERATION = 214.577 * TICKS_PER_TURN / 3600
-"""One raw unit of acceleration [ticks/s²]."""
+ACCELERATION = {"mx1": 8.583 / 360}
+"""One raw unit of acceleration by table [turns/s²]; that of the X series is 214.577 / 3600."""
 
 STEP, RECTANGLE, TRIANGLE, TRAPEZOID = 0x00, 0x10, 0x20, 0x30
 """Bits 4 and 5 of `moving_status`."""
@@ -164,10 +165,16 @@ class Profile:
         return sign * self.speed * share
 
 
-def velocity_based(start: float, goal: float, velocity: int, acceleration: int) -> Profile:
-    """t₁ = V / A, t₂ = Δ / V, t₃ = t₁ + t₂; a triangle where V is not reached. V = 0 is a step, A = 0 a rectangle."""
+def velocity_based(start: float, goal: float, speed: float, pull: float) -> Profile:
+    """t₁ = V / A, t₂ = Δ / V, t₃ = t₁ + t₂; a triangle where V is not reached. V = 0 is a step, A = 0 a rectangle.
+
+    Args:
+        start: of the path [ticks].
+        goal: its end [ticks].
+        speed: V [ticks/s].
+        pull: A [ticks/s²].
+    """
     distance = goal - start
-    speed, pull = velocity * VELOCITY, acceleration * ACCELERATION
     if not speed or not distance:
         return Profile(start, distance, 0.0, 0.0, 0.0, STEP)
     if not pull:
@@ -202,7 +209,13 @@ class Shaft:
 
     def __init__(self, registers: Registers, motor: EmulatedMotor) -> None:
         self.registers, self.motor = registers, motor
-        self.path: Profile = velocity_based(0.0, 0.0, 0, 0)
+        model = motor.model
+        self.turn: float = model.motor.ticks_per_turn
+        self.speed: float = model.velocity_unit * model.motor.ticks_per_radian
+        """One raw unit of velocity [ticks/s] ..."""
+        self.pull: float = ACCELERATION.get(model.table, 214.577 / 3600) * self.turn
+        """... and of acceleration [ticks/s²]."""
+        self.path: Profile = velocity_based(0.0, 0.0, 0.0, 0.0)
         self.since: float = 0.0
         """When the path began [s]."""
 
@@ -220,12 +233,12 @@ class Shaft:
 
     def to_present(self, ticks: float) -> float:
         """Present position for an encoder position: reversed, then offset."""
-        return (TICKS_PER_TURN - ticks if self.direction < 0 else ticks) + self.offset
+        return (self.turn - ticks if self.direction < 0 else ticks) + self.offset
 
     def to_encoder(self, ticks: float) -> float:
         """Encoder position for a present position."""
         ticks -= self.offset
-        return TICKS_PER_TURN - ticks if self.direction < 0 else ticks
+        return self.turn - ticks if self.direction < 0 else ticks
 
     @property
     def present(self) -> float:
@@ -234,17 +247,21 @@ class Shaft:
 
     def drop_turns(self) -> None:
         """Forget full turns."""
-        self.motor.position %= TICKS_PER_TURN
+        self.motor.position %= self.turn
 
     def start(self, goal: float, now: float) -> None:
         """Begin a path from where the present one is to a goal."""
         r, here = self.registers, self.path.position(now - self.since)
-        kind = time_based if r["drive_mode"] & TIME_BASED else velocity_based
-        self.path, self.since = kind(here, goal, r["profile_velocity"], r["profile_acceleration"]), now
+        velocity, acceleration = r["profile_velocity"], r["profile_acceleration"]
+        if r["drive_mode"] & TIME_BASED:
+            self.path = time_based(here, goal, velocity, acceleration)
+        else:
+            self.path = velocity_based(here, goal, velocity * self.speed, acceleration * self.pull)
+        self.since = now
 
     def set_stationary(self, goal: float, now: float) -> None:
         """A path that is at its end already."""
-        self.path, self.since = velocity_based(goal, goal, 0, 0), now
+        self.path, self.since = velocity_based(goal, goal, 0.0, 0.0), now
 
     def running(self, now: float) -> bool:
         """Whether the path is not over."""
@@ -254,20 +271,20 @@ class Shaft:
         """Bring the registers of position, speed and effort up to date."""
         r, motor, elapsed = self.registers, self.motor, now - self.since
         r["present_position"] = round(self.present)
-        r["present_velocity"] = round(self.direction * motor.velocity / VELOCITY)
+        r["present_velocity"] = round(self.direction * motor.velocity / self.speed)
         r["present_pwm"] = round(self.direction * motor.duty * FULL_PWM)
-        if "present_current" in r:
+        if "present_current" in r.by_name:
             r["present_current"] = round(self.direction * motor.current / motor.model.current_unit)
         else:
             r["present_load"] = round(self.direction * motor.duty * 1000)
-        r["velocity_trajectory"] = round(self.path.velocity(elapsed) / VELOCITY)
+        r["velocity_trajectory"] = round(self.path.velocity(elapsed) / self.speed)
         r["position_trajectory"] = round(self.path.position(elapsed))
         r["moving"] = int(self.moving(now, torque))
         r["moving_status"] = self._status(now, torque)
 
     def moving(self, now: float, torque: bool) -> bool:
         """Whether the path runs or the shaft turns."""
-        threshold = self.registers["moving_threshold"] * VELOCITY
+        threshold = self.registers["moving_threshold"] * self.speed
         return (torque and self.running(now)) or abs(self.motor.velocity) > threshold
 
     def _status(self, now: float, torque: bool) -> int:
@@ -287,9 +304,14 @@ def drive(mode: int, r: Registers, shaft: Shaft, now: float, dt: float) -> None:
     if mode not in POSITIONS:
         motor.duty = 0.0
         return
-    limit = abs(r["goal_pwm"]) / FULL_PWM
+    limit = abs(r["goal_pwm"]) / r.by_name["goal_pwm"].high
     if mode == CURRENT_POSITION:
         limit = min(limit, abs(r["goal_current"]) * motor.model.current_unit / motor.model.motor.stall_current)
-    gains = r["position_p_gain"], r["position_i_gain"], r["position_d_gain"]
+    factory = motor.model.motor.p_gain
+    gains = (
+        r["position_p_gain"] if "position_p_gain" in r.by_name else factory,
+        r["position_i_gain"],
+        r["position_d_gain"],
+    )
     target = shaft.to_encoder(shaft.path.position(elapsed))
     motor.control_position(target, shaft.direction * shaft.path.velocity(elapsed), gains, limit, dt)

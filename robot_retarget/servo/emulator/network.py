@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -72,8 +73,8 @@ class Answer:
 class Network:
     """Devices that share a bus. `answer` is all a host ever sees of them."""
 
-    def __init__(self, devices: Sequence[Device], boards: Sequence[Board] = ()) -> None:
-        self.devices, self.boards = list(devices), list(boards)
+    def __init__(self, devices: Sequence[Device], boards: Sequence[Board] = (), codec: Any = protocol) -> None:
+        self.devices, self.boards, self.codec = list(devices), list(boards), codec
         self.silent: set[int] = set()
         """Ids whose servos have lost their cable."""
 
@@ -97,7 +98,7 @@ class Network:
         if board is not None:
             data = None if board.id in self.silent else board.answer(frame)
             return [] if data is None else [Answer(data, 0.0)]
-        group = _GROUPS.get(frame.instruction)
+        group = _GROUPS[self.codec.VERSION].get(frame.instruction)
         if group is not None:
             return group(self, frame.params) if frame.id == BROADCAST else []
         if frame.id != BROADCAST:
@@ -110,11 +111,11 @@ class Network:
         level = device.registers["status_return_level"]
         delay = device.registers["return_delay_time"] * RETURN_DELAY_UNIT
         identity = device.id
-        error, data = _perform(device, frame)
+        error, data = self._perform(device, frame)
         needed = ANSWERED_FROM.get(frame.instruction, 2)
         if level < needed:
             return None
-        return Answer(protocol.status(identity, error | device.alert, data), delay)
+        return Answer(self.codec.status(identity, error, data, device.hardware), delay)
 
     def _merged(self, answers: list[Answer]) -> list[Answer]:
         """Two servos on one id talk at once: the wire carries the AND of their bytes."""
@@ -127,7 +128,8 @@ class Network:
         return [Answer(mixed, answers[0].delay)]
 
     def _read(self, identity: int, address: int, length: int) -> list[Answer]:
-        frame = DynamixelPacket(identity, Instruction.READ, protocol.word(address) + protocol.word(length))
+        number = self.codec.number
+        frame = DynamixelPacket(identity, Instruction.READ, number(address) + number(length))
         return self._merged([a for d in self.at(identity) if (a := self._single(d, frame))])
 
     def _sync_read(self, params: bytes) -> list[Answer]:
@@ -149,7 +151,7 @@ class Network:
                 break
             error, data = devices[0].read(address, length)
             data = data if not error else bytes(length)
-            blocks.append((error | devices[0].alert, identity, data))
+            blocks.append((error | (protocol.ALERT if devices[0].hardware else 0), identity, data))
             delay = delay or devices[0].registers["return_delay_time"] * RETURN_DELAY_UNIT
         if not blocks or 1 + (4 + length) * len(params[4:]) > LONGEST_STATUS:
             return []
@@ -158,26 +160,43 @@ class Network:
         return [Answer(whole[:sent], delay, len(blocks))]
 
     def _sync_write(self, params: bytes) -> list[Answer]:
-        if len(params) < 4:
+        width = len(self.codec.number(0))
+        if len(params) < 2 * width:
             return []
-        address, length = _words(params)
-        for k in range(4, len(params) - length, length + 1):
+        address, length = _words(params, width)
+        for k in range(2 * width, len(params) - length, length + 1):
             for device in self.at(params[k]):
                 device.write(address, params[k + 1 : k + 1 + length])
         return []
 
+    def _bulk_read(self, params: bytes) -> list[Answer]:
+        """Under Protocol 1 each servo waits for the answer of the one before: behind a missing one nobody answers."""
+        answers: list[Answer] = []
+        for length, identity, address in (params[k : k + 3] for k in range(1, len(params) - 2, 3)):
+            found = self._read(identity, address, length) if all(map(_fast, self.at(identity))) else []
+            if not found:
+                break
+            answers += found
+        return answers
 
-def _perform(device: Device, frame: DynamixelPacket) -> tuple[int, bytes]:
-    """Error code and data of an instruction to one device."""
+    def _perform(self, device: Device, frame: DynamixelPacket) -> tuple[int, bytes]:
+        """Error code and data of an instruction to one device."""
+        params, kind, width = frame.params, frame.instruction, len(self.codec.number(0))
+        if kind == Instruction.PING:
+            data = device.read(0, 2)[1] + bytes((device.registers["firmware_version"],))
+            return 0, data[: self.codec.PING_DATA]
+        if kind == Instruction.READ:
+            return device.read(*_words(params, width)) if len(params) == 2 * width else (Error.DATA_LENGTH, b"")
+        if kind == Instruction.WRITE:
+            if len(params) <= width:
+                return Error.DATA_LENGTH, b""
+            return device.write(int.from_bytes(params[:width], "little"), params[width:]), b""
+        return _maintain(device, frame) if self.codec.VERSION == 2 else (Error.INSTRUCTION, b"")
+
+
+def _maintain(device: Device, frame: DynamixelPacket) -> tuple[int, bytes]:
+    """Error code and data of the rarer instructions."""
     params, kind = frame.params, frame.instruction
-    if kind == Instruction.PING:
-        return 0, protocol.word(device.registers["model_number"]) + bytes((device.registers["firmware_version"],))
-    if kind == Instruction.READ:
-        return device.read(*_words(params)) if len(params) == 4 else (Error.DATA_LENGTH, b"")
-    if kind == Instruction.WRITE:
-        if len(params) < 3:
-            return Error.DATA_LENGTH, b""
-        return device.write(int.from_bytes(params[:2], "little"), params[2:]), b""
     if kind == Instruction.REBOOT:
         device.boot()
         return Error.NONE, b""
@@ -194,12 +213,17 @@ def _fast(device: Device) -> bool:
     return device.registers["firmware_version"] >= device.model.fast_from > 0
 
 
-def _words(params: bytes) -> tuple[int, int]:
-    return int.from_bytes(params[:2], "little"), int.from_bytes(params[2:4], "little")
+def _words(params: bytes, width: int = 2) -> tuple[int, int]:
+    """Return the first two numbers of parameters, of `width` bytes each."""
+    return int.from_bytes(params[:width], "little"), int.from_bytes(params[width : 2 * width], "little")
 
 
-_GROUPS: dict[int, Callable[[Network, bytes], list[Answer]]] = {
-    Instruction.SYNC_READ: Network._sync_read,
-    Instruction.SYNC_WRITE: Network._sync_write,
-    Instruction.FAST_SYNC_READ: Network._fast_sync_read,
+_GROUPS: dict[int, dict[int, Callable[[Network, bytes], list[Answer]]]] = {
+    1: {Instruction.SYNC_WRITE: Network._sync_write, Instruction.BULK_READ: Network._bulk_read},
+    2: {
+        Instruction.SYNC_READ: Network._sync_read,
+        Instruction.SYNC_WRITE: Network._sync_write,
+        Instruction.FAST_SYNC_READ: Network._fast_sync_read,
+    },
 }
+"""Instructions to several servos, by protocol."""

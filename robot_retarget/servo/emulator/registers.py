@@ -1,6 +1,6 @@
 """The memory of one servo: bytes by address, names on top, indirect addresses and EEPROM defaults."""
 
-from robot_retarget.actuators.control_tables import EEPROM_END, INDIRECT, TABLE_END, Model, Register
+from robot_retarget.actuators.control_tables import INDIRECT, TABLE_END, TABLES, XM430_W350, Model, Register
 from robot_retarget.servo.protocol import Error
 
 REBOUND_FROM = 64
@@ -8,7 +8,10 @@ REBOUND_FROM = 64
 
 
 class Registers(dict[str, int]):
-    """Values by name, over bytes by address: which addresses exist, without their meaning."""
+    """Values by name, over bytes by address: which addresses exist, without their meaning.
+
+    Registers of the X series that a model lacks have their defaults there by name, without an address.
+    """
 
     def __init__(self, model: Model) -> None:
         super().__init__()
@@ -17,17 +20,20 @@ class Registers(dict[str, int]):
         self.at: dict[int, tuple[str, Register]] = {
             register.address: (name, register) for name, register in self.by_name.items()
         }
-        self._bytes = bytearray(TABLE_END)
-        self._exists = bytearray(TABLE_END)
+        self.indirect = () if model.table in TABLES else INDIRECT
+        end = TABLE_END if self.indirect else max(register.end for register in self.by_name.values())
+        self._bytes = bytearray(end)
+        self._exists = bytearray(end)
         for register in self.by_name.values():
-            self._exists[register.address : register.address + register.size] = b"\x01" * register.size
-        for first, data, count in INDIRECT:
+            self._exists[register.address : register.end] = b"\x01" * register.size
+        for first, data, count in self.indirect:
             self._exists[first : first + 2 * count] = b"\x01" * (2 * count)
             self._exists[data : data + count] = b"\x01" * count
         self.reset()
 
     def reset(self, keep: tuple[str, ...] = ()) -> None:
         """Factory defaults everywhere, but for the registers named."""
+        self.update({name: register.default for name, register in XM430_W350.items() if name not in self.by_name})
         kept = {name: self[name] for name in keep}
         for name, register in self.by_name.items():
             self[name] = kept.get(name, register.default)
@@ -36,31 +42,35 @@ class Registers(dict[str, int]):
     def reset_ram(self) -> None:
         """Power-up values of everything that is not EEPROM."""
         for name, register in self.by_name.items():
-            if register.address >= EEPROM_END:
+            if register.address >= self.model.eeprom_end:
                 self[name] = register.default
+        self["hardware_error_status"] = 0
         self.reset_indirect()
 
     def reset_indirect(self) -> None:
-        for first, data, count in INDIRECT:
+        for first, data, count in self.indirect:
             for k in range(count):
                 self._bytes[first + 2 * k : first + 2 * k + 2] = (data + k).to_bytes(2, "little")
                 self._bytes[data + k] = 0
 
     def __setitem__(self, name: str, value: int) -> None:
-        register = self.by_name[name]
+        register = self.by_name.get(name)
+        if register is None:
+            super().__setitem__(name, value)
+            return
         span = (1 << 8 * register.size) - 1
-        data = (int(value) & span).to_bytes(register.size, "little")
-        self._bytes[register.address : register.address + register.size] = data
+        data = register.encode(value) if register.direction else (int(value) & span).to_bytes(register.size, "little")
+        self._bytes[register.address : register.end] = data
         super().__setitem__(name, register.decode(data))
 
     def exists(self, address: int, length: int) -> bool:
         """Whether a stretch starts and ends inside the table and has something in it; gaps read as 0."""
-        return length > 0 and address + length <= TABLE_END and any(self._exists[address : address + length])
+        return length > 0 and address + length <= len(self._bytes) and any(self._exists[address : address + length])
 
     def read(self, address: int, length: int) -> bytes:
         """Bytes as a host sees them: indirect data show what their address points to."""
         out = bytearray(self._bytes[address : address + length])
-        for first, data, count in INDIRECT:
+        for first, data, count in self.indirect:
             for k in range(max(0, data - address), min(length, data + count - address)):
                 target = self.target(first, data, address + k)
                 if target is not None:
@@ -75,11 +85,11 @@ class Registers(dict[str, int]):
         """Where an indirect data byte points, or None where it points to itself."""
         place = first + 2 * (address - data)
         target = int.from_bytes(self._bytes[place : place + 2], "little")
-        return None if target == address or not REBOUND_FROM <= target < TABLE_END else target
+        return None if target == address or not REBOUND_FROM <= target < len(self._bytes) else target
 
     def redirected(self, address: int) -> int | None:
         """Where a write to this address lands if it is an indirect data byte that points elsewhere."""
-        for first, data, count in INDIRECT:
+        for first, data, count in self.indirect:
             if data <= address < data + count:
                 return self.target(first, data, address)
         return None
@@ -150,13 +160,13 @@ def collect(registers: Registers, start: int, run: bytes) -> tuple[int, list[tup
 def refusal(r: Registers, name: str, value: int, expired: bool) -> int:
     """The error code of writing a value to a register, `expired` when the bus watchdog has stopped the servo; or 0."""
     register, mode = r.by_name[name], r["operating_mode"]
-    if not register.writable or (register.address < EEPROM_END and r["torque_enable"]):
+    if not register.writable or (register.address < r.model.eeprom_end and r["torque_enable"]):
         return Error.ACCESS
     # An expired watchdog reads −1; hosts may not write that.
     if not (0 if name == "bus_watchdog" else register.low) <= value <= register.high:
         return Error.DATA_RANGE
     # Without a goal current no mode controls it.
-    modes = GOALS if "goal_current" in r else (VELOCITY, POSITION, EXTENDED, PWM)
+    modes = GOALS if "goal_current" in r.by_name else (VELOCITY, POSITION, EXTENDED, PWM)
     if (name == "operating_mode" and value not in modes) or (name in GOALS.values() and expired):
         return Error.DATA_RANGE
     if name in LIMITED and abs(value) > r[LIMITED[name]]:
@@ -164,7 +174,7 @@ def refusal(r: Registers, name: str, value: int, expired: bool) -> int:
     if name == "goal_position" and mode == POSITION:
         inside = r["min_position_limit"] <= value <= r["max_position_limit"]
         return Error.NONE if inside else Error.DATA_RANGE
-    if name == "torque_enable" and value and shut_down(r):
+    if name == "torque_enable" and value and shut_down(r) and r.model.protocol == 2:
         return Error.RESULT_FAIL
     return Error.NONE
 
@@ -176,10 +186,10 @@ def shut_down(r: Registers) -> bool:
 
 def _plain(registers: Registers, place: int, rest: bytes) -> int:
     """A byte outside the named registers: indirect addresses and data are kept, gaps swallow."""
-    for first, data, count in INDIRECT:
+    for first, data, count in registers.indirect:
         if first <= place < first + 2 * count:
             pair = (place - first) % 2 == 0 and len(rest) > 1
-            if pair and not EEPROM_END <= rest[0] + 256 * rest[1] < TABLE_END:
+            if pair and not REBOUND_FROM <= rest[0] + 256 * rest[1] < TABLE_END:
                 return Error.DATA_RANGE
             registers.store(place, rest[:1])
         if data <= place < data + count:

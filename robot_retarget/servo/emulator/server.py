@@ -19,12 +19,12 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from robot_retarget.actuators.control_tables import BAUDS, XM430_W350
+from robot_retarget.actuators.control_tables import BAUDS
 from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.emulator.network import Network
 from robot_retarget.servo.emulator.world import FaultInjector, Wire, World
 from robot_retarget.servo.host import real_time
-from robot_retarget.servo.protocol import NO_MORE, DynamixelPacket, Instruction, Parser
+from robot_retarget.servo.protocol import NO_MORE, Instruction
 
 # Transfer times of a real wire, servo and USB adapter.
 
@@ -64,7 +64,12 @@ AWAKE = 60e-6
 HUSH = 0.3e-3
 """The world is not stepped for this time before and after an answer is due [s], so that a host that asks again at once is
 answered in time."""
-BAUD_CODES = {getattr(termios, f"B{baud}"): baud for baud in BAUDS if hasattr(termios, f"B{baud}")}
+BAUD_CODES = {
+    getattr(termios, f"B{baud}"): baud
+    for rates in BAUDS.values()
+    for baud in rates.values()
+    if hasattr(termios, f"B{baud}")
+}
 
 
 class Terminal:
@@ -160,7 +165,7 @@ class Server:
         self.faults: FaultInjector = FaultInjector(network, world, self.wire)
         self.terminal: Terminal | None = Terminal(link)
         self._link = link
-        self._parser = Parser(strict)
+        self._parser = network.codec.Parser(strict)
         self._out: deque[tuple[float, bytes]] = deque()
         self._began = time.monotonic()
         self._heard = self._through = 0.0
@@ -212,7 +217,9 @@ class Server:
         data = terminal.read()
         self._heard = now
         terminal.allow_reopening()
-        if self.strict and terminal.baud not in {BAUDS[d.registers["baud_rate"]] for d in self.network.devices}:
+        if self.strict and terminal.baud not in {
+            BAUDS[d.model.protocol][d.registers["baud_rate"]] for d in self.network.devices
+        }:
             return
         if self.wire.echo:
             self._out.append((now, data))
@@ -220,19 +227,24 @@ class Server:
 
     def _answer(self, frames: Sequence[Any], now: float) -> None:
         for frame in frames:
-            if self._lockstep is not None and _has_goals(frame):
+            if self._lockstep is not None and self._has_goals(frame):
                 self._due += self._lockstep
                 if self.world.time > self._due:  # `wait`
                     self._due = self.world.time + self._lockstep
                 self.world.advance(self._due + self.world.step / 2)  # whole steps in spite of rounding
                 self.faults.run_due(self.world.time)
-            self.timing.request(now, 10 + len(frame.stuffed))
+            self.timing.request(now, frame.size)
             for answer in self.network.answer(frame):
                 due = self.timing.answer(now, len(answer.data), answer.delay) + self.wire.delay
                 self._out.append((due, self.wire.received(answer.data)))
                 self._through = due
             if self._lockstep is not None and frame.instruction != Instruction.SYNC_WRITE:
                 self._out.append((self._through if self._out else now, NO_MORE))
+
+    def _has_goals(self, frame: Any) -> bool:
+        """Whether a frame is a sync write of goal positions."""
+        goals = self.network.codec.number(self.network.devices[0].model.layout.goal[0])
+        return frame.instruction == Instruction.SYNC_WRITE and frame.params.startswith(goals)
 
     def _send(self, terminal: Terminal) -> None:
         """Send all answers that are due; wait for those due within a moment."""
@@ -282,9 +294,3 @@ class Server:
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
         del number, frame
         self._stop = True
-
-
-def _has_goals(frame: DynamixelPacket) -> bool:
-    """Whether a frame is a sync write of goal positions."""
-    address = XM430_W350["goal_position"].address
-    return frame.instruction == Instruction.SYNC_WRITE and int.from_bytes(frame.params[:2], "little") == address

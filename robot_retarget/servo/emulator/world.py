@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from robot_retarget.actuators.control_tables import ENCODER, OVERLOAD, SHOCK
-from robot_retarget.actuators.motors import SUPPLY_RESISTANCE, TICKS_PER_TURN
+from robot_retarget.actuators.motors import SUPPLY_RESISTANCE
 from robot_retarget.base.errors import ServoError, known
 from robot_retarget.servo.emulator.device import Device
 from robot_retarget.servo.emulator.network import Network
@@ -65,8 +65,9 @@ class World:
         """Bring the plant's shafts into the motors."""
         assert self.plant is not None
         for device, ticks, speed in zip(self.devices, *self.plant.shafts(), strict=True):
-            turns = round((device.motor.position - ticks) / TICKS_PER_TURN)
-            device.motor.position, device.motor.velocity = ticks + TICKS_PER_TURN * turns, speed
+            turn = device.shaft.turn
+            device.motor.position = ticks + turn * round((device.motor.position - ticks) / turn)
+            device.motor.velocity = speed
 
 
 # Faults on request, as sentences: on the command line, or while the emulator runs.
@@ -147,8 +148,8 @@ class FaultInjector:
             "supply": lambda volts: setattr(self.world, "supply", float(volts)),
             "model": lambda who, number: self._set(who, "model_number", int(number)),
             "duplicate": lambda who, other: self._set(other, "id", int(who)),
-            "torque": lambda who: [d.write(64, b"\x01") for d in self._devices(who)],
-            "limp": lambda who: [d.write(64, b"\x00") for d in self._devices(who)],
+            "torque": lambda who: [d.write(d.model.layout.state[0], b"\x01") for d in self._devices(who)],
+            "limp": lambda who: [d.write(d.model.layout.state[0], b"\x00") for d in self._devices(who)],
             "place": lambda who, ticks: [d.place(float(ticks)) for d in self._devices(who)],
             "flip": self._flip,
             "freeze": lambda: [board.freeze() for board in self.network.boards],

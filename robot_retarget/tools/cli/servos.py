@@ -116,15 +116,19 @@ def scan(
 
     found = []
     for rate in baud or (2_000_000, 1_000_000, 57_600, 3_000_000, 4_000_000, 115_200):
-        with Bus(port, rate) as bus:
-            for identity, number, firmware in bus.scan(range(last + 1)):
-                model = model_numbered(number)
-                name = model.name if model else f"model {number}"
-                found.append({"id": identity, "model": name, "firmware": firmware, "baud": rate})
+        for protocol in (2, 1):
+            with Bus(port, rate, version=protocol) as bus:
+                for identity, number, firmware in bus.scan(range(last + 1)):
+                    model = model_numbered(number)
+                    name = model.name if model else f"model {number}"
+                    facts = {"id": identity, "model": name, "firmware": firmware, "baud": rate, "protocol": protocol}
+                    found.append(facts)
         if found:
             break
     rows = [tuple(row.values()) for row in found]
-    printing.show(found, lambda _: console.table("Servos", ("id", "model", "firmware", "baud"), rows))
+    printing.show(found, lambda _: console.table("Servos", ("id", "model", "firmware", "baud", "protocol"), rows))
+    if len({row["protocol"] for row in found}) > 1:
+        console.note("Servos of Protocol 1 and 2 share the port: give each protocol a port and a map of its own.")
     if not found:
         raise ServoError(f"no servo answers on {port} (power, cable, --baud)")
 
@@ -141,7 +145,7 @@ def check(
     from robot_retarget.servo.check import fix as put_right
 
     servo_map = at.load()
-    with Bus(at.port, servo_map.baud) as bus:
+    with Bus(at.port, servo_map.baud, version=servo_map.protocol) as bus:
         conditions, findings = ask(bus, servo_map)
         done = put_right(bus, servo_map, findings) if fix else []
         if done:
@@ -171,7 +175,7 @@ def calibrate(
     from robot_retarget.servo.check import record_zeros
 
     servo_map = at.load()
-    with Bus(at.port, servo_map.baud) as bus:
+    with Bus(at.port, servo_map.baud, version=servo_map.protocol) as bus:
         new = record_zeros(bus, servo_map, joint or servo_map.joints)
     write_text(to.output, with_zeros(at.map_name, new))
     moved = {b.joint: [a.zero, b.zero] for a, b in zip(servo_map.servos, new.servos, strict=True) if a.zero != b.zero}
