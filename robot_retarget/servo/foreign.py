@@ -87,14 +87,18 @@ def _lerobot(table: dict[str, Any], name: str, model: str | None) -> ServoMap:
 
 
 def _pypot(table: dict[str, Any], name: str, model: str | None) -> ServoMap:
-    """Degrees; `indirect` turns the sense round, `offset` is the joint's angle away from the servo's middle."""
+    """Degrees; `indirect` turns the sense round, `offset` is the joint's angle away from the servo's middle.
+
+    `angle_limit` is written to the servo as it stands: it limits the angle from the servo's middle, in its own sense.
+    """
     servos = []
     for joint, entry in table["motors"].items():
         sign = -1 if entry["orientation"] == "indirect" else 1
         named = _model(model or str(entry["type"]))
         kind = model_named(named)
-        zero = kind.centre + round(sign * radians(float(entry["offset"])) * kind.motor.ticks_per_radian)
-        low, high = sorted(radians(float(angle)) for angle in entry["angle_limit"])
+        offset = radians(float(entry["offset"]))
+        zero = kind.centre + round(sign * offset * kind.motor.ticks_per_radian)
+        low, high = sorted(sign * radians(float(angle)) - offset for angle in entry["angle_limit"])
         servos.append(Servo(joint, int(entry["id"]), named, sign, zero, lower=low, upper=high))
     return ServoMap(name, tuple(servos))
 

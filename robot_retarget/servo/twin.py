@@ -14,6 +14,7 @@ from robot_retarget.actuators.balance_tables import Imu
 from robot_retarget.actuators.goals import RATE
 from robot_retarget.actuators.inertial import LEVEL, BodyMotion, Reading, VirtualImu
 from robot_retarget.actuators.map import ServoMap
+from robot_retarget.actuators.motors import mechanics_of
 from robot_retarget.base.errors import ServoError, known
 from robot_retarget.scene.geoms import add_floor
 
@@ -79,6 +80,8 @@ SUPPORT = 0.3
 """Time with torque on and joints still after which the trunk is released [s]."""
 STILL = 0.01
 """Largest movement of a joint that counts as still [rad]."""
+JAM = 1000.0
+"""Friction of a jammed joint [N m]: a hundred times the torque of the strongest servo in the table."""
 LOWERING = 0.2
 """A held robot whose feet are off the floor is lowered at this speed [m/s]: that after a fall of 2 mm."""
 
@@ -106,6 +109,11 @@ class Twin:
         gear = np.array([servo.sign * servo.gear for servo in servo_map.servos])
         self._gear, self._scale = gear, np.array([servo.scale for servo in servo_map.servos])
         self._zero = np.array([float(servo.zero) for servo in servo_map.servos])
+        found = [servo_map.identified.get(s.type.name) or mechanics_of(s.motor) for s in servo_map.servos]
+        ratio, back_emf = np.abs(gear), np.array([servo.motor.back_emf for servo in servo_map.servos])
+        self.model.dof_damping[self._dof] = ratio**2 * (back_emf + [m.damping for m in found])
+        self.model.dof_armature[self._dof] = ratio**2 * [m.armature for m in found]
+        self._friction = ratio * [m.friction for m in found]
         free = np.flatnonzero(self.model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
         self._root = int(self.model.jnt_qposadr[free[0]]) if free.size else None
         self._held_for, self._landed = 0.0, False
@@ -141,9 +149,10 @@ class Twin:
         """Whether the trunk is held: until it has been set down, and its servos have held it for a while."""
         return self._root is not None and not (self._landed and self._held_for > self.support)
 
-    def advance(self, torques: Sequence[float], holding: Sequence[bool]) -> None:
-        """One step under the servos' torques [N m]."""
+    def advance(self, torques: Sequence[float], holding: Sequence[bool], jammed: Sequence[bool] = ()) -> None:
+        """One step under the servos' torques [N m]; something holds the joints that are `jammed`."""
         self.data.qfrc_applied[self._dof] = self._gear * np.asarray(torques)
+        self.model.dof_frictionloss[self._dof] = np.where(jammed, JAM, self._friction) if jammed else self._friction
         if self.held:
             self._wait(all(holding))
             self._set_down()
@@ -206,7 +215,7 @@ class Twin:
 
 
 def _compiled(source: str | Path | mujoco.MjSpec) -> mujoco.MjModel:
-    """The model on a floor, without its own actuators: the emulated servos take their place, damping and armature stay."""
+    """The model on a floor, without its own actuators: the emulated servos take their place."""
     try:
         spec = source if isinstance(source, mujoco.MjSpec) else mujoco.MjSpec.from_file(str(source))
         model = spec.compile()

@@ -196,7 +196,7 @@ def test_a_pypot_configuration_becomes_a_map(tmp_path: Path) -> None:
     path.write_text(json.dumps({"controllers": {}, "motorgroups": {}, "motors": {"r_hip_x": motor}}))
     (servo,) = read_foreign(path).servos
     assert (servo.id, servo.sign, servo.zero, servo.model) == (11, -1, 1024, "XM430-W350")
-    assert servo.lower == pytest.approx(-30 * pi / 180)
+    assert (servo.lower, servo.upper) == pytest.approx((-118 * pi / 180, -60 * pi / 180)), "limits of the servo itself"
 
 
 def test_a_toddlerbot_configuration_becomes_a_map_of_motors_that_turn_their_own_joints(tmp_path: Path) -> None:

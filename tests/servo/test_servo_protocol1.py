@@ -3,6 +3,7 @@
 Every playback is against an emulator process over a pseudo terminal, whose time goes by ticks.
 """
 
+import json
 import os
 import signal
 import subprocess
@@ -18,13 +19,16 @@ from emulated import QUICK, Emulated, emulated
 from shared_files import ROOT
 from test_servo_play import OPTIONS, PHASE, PLAN, RATE, START, assert_match, settling
 
+import robot_retarget as rr
 from robot_retarget.actuators.control_tables import model_named
 from robot_retarget.actuators.map import MapError, Servo, ServoMap, dump_map
 from robot_retarget.base.errors import ServoError
 from robot_retarget.servo import protocol1
 from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.check import check
-from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOutcome
+from robot_retarget.servo.foreign import read_foreign
+from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions, PlaybackOutcome
+from robot_retarget.servo.plan import goal_plan
 from robot_retarget.servo.play import play
 
 BENCH = ServoMap(
@@ -284,3 +288,66 @@ def test_a_map_of_slopes_has_no_gain() -> None:
     with pytest.raises(MapError, match="an AX-12 has no p_gain: it has slopes of compliance, got 32"):
         replace(BENCH["j4"], p_gain=32)
     assert "MX-64" in dump_map(BENCH)
+
+
+POPPY = """l_hip_x MX-28 11 0 + -30 28.5; l_hip_z MX-28 12 0 - -25 90; l_hip_y MX-64 13 2 + -104 84; l_knee_y MX-28 14 0 + -3.5 134;
+l_ankle_y MX-28 15 0 + -45 45; r_hip_x MX-28 21 0 + -28.5 30; r_hip_z MX-28 22 0 - -90 25; r_hip_y MX-64 23 0 - -85 105;
+r_knee_y MX-28 24 0 - -134 3.5; r_ankle_y MX-28 25 0 - -45 45; abs_y MX-64 31 0 - -50 12; abs_x MX-64 32 0 - -45 45;
+abs_z MX-28 33 0 + -90 90; bust_y MX-28 34 0 - -67 27; bust_x MX-28 35 0 - -40 40; head_z AX-12 36 0 + -90 90;
+head_y AX-12 37 20 - -45 6; l_shoulder_y MX-28 41 90 + -120 155; l_shoulder_x MX-28 42 -90 - -105 110;
+l_arm_z MX-28 43 0 - -105 105; l_elbow_y MX-28 44 0 + -148 1; r_shoulder_y MX-28 51 90 - -155 120;
+r_shoulder_x MX-28 52 90 - -110 105; r_arm_z MX-28 53 0 - -105 105; r_elbow_y MX-28 54 0 - -1 148"""
+"""Motors of `poppy_humanoid.json` of github.com/poppy-project/poppy-humanoid: type, id, offset, direct or not, limits [°]."""
+
+
+def poppy(folder: Path) -> tuple[ServoMap, Path]:
+    """Poppy's map as imported from its configuration, and a body of 25 links of 100 g on a pole with its joints."""
+    rows = [row.split() for row in POPPY.split(";")]
+    motors = {
+        name: {
+            "id": int(identity),
+            "type": model,
+            "offset": float(offset),
+            "orientation": "direct" if sense == "+" else "indirect",
+            "angle_limit": [float(low), float(high)],
+        }
+        for name, model, identity, offset, sense, low, high in rows
+    }
+    ports = {"controllers": {"upper": {}, "lower": {}}, "motorgroups": {}, "motors": motors}
+    (folder / "poppy.json").write_text(json.dumps(ports))
+    servo_map = replace(read_foreign(folder / "poppy.json"), limits=QUICK)
+    bodies, axes = "", {"x": "1 0 0", "y": "0 1 0", "z": "0 0 1"}
+    for k, servo in enumerate(servo_map.servos):
+        joint = f'name="{servo.joint}" axis="{axes[servo.joint[-1]]}" range="{servo.lower} {servo.upper}"'
+        bodies += f'<body pos="0 {k} 1"><joint {joint}/><geom type="capsule" size=".02 .05" pos="0 0 -.05" mass=".1"/></body>'
+    model = f'<mujoco model="poppy"><compiler angle="radian"/><worldbody>{bodies}</worldbody></mujoco>'
+    (folder / "poppy.xml").write_text(model)
+    (folder / "poppy.toml").write_text(dump_map(servo_map))
+    return servo_map, folder / "poppy.xml"
+
+
+def test_poppy_s_public_map_plays_as_judged(tmp_path: Path) -> None:
+    servo_map, model = poppy(tmp_path)
+    assert [s.joint for s in servo_map.servos if s.range_exceeds_turn] == []
+    assert servo_map["r_knee_y"].upper == servo_map["l_knee_y"].upper == pytest.approx(np.radians(134)), "both bend alike"
+    robot = rr.load_robot(model, servos=tmp_path / "poppy.toml")
+    lower, upper = np.array([(servo_map[j].lower, servo_map[j].upper) for j in robot.joint_names]).T
+    swing = np.sin(2 * np.pi * 0.5 * np.arange(31)[:, None] / 30 + np.arange(25))
+    angles = (lower + upper) / 2 + 0.2 * (upper - lower) * swing
+    trajectory = rr.Trajectory(angles, 30.0, robot.joint_names, robot.name)
+    report = rr.simulate(trajectory, robot, mode="pinned", draws=0, others=False)
+    assert report.trajectory is not None and report.trajectory.goals is not None
+    plan, goals = goal_plan(report.trajectory, servo_map), report.trajectory.goals
+    options = ("--physics", "--model", str(model), "--lockstep", str(plan.rate))
+    with emulated(tmp_path, servo_map, *options) as emulator:
+        outcome = play(plan, servo_map, emulator.port, PlaybackOptions(lockstep=True), tmp_path / "play.npz")
+    assert outcome.ended is PlaybackEnd.FINISHED, outcome.reason
+    with np.load(tmp_path / "play.npz") as log:
+        playing = log["phase"] == list(log["phases"]).index("play")
+        order = [list(log["joint_names"]).index(joint) for joint in robot.joint_names]
+        present = log["present"][playing][:, order]
+    seen = np.stack([np.interp(report.series["time"], goals.times, column) for column in present.T], axis=1)
+    off = np.sqrt(((seen - report.series["measured"]) ** 2).mean(axis=0))
+    steps = np.array([1 / abs(servo_map[joint].scale) for joint in robot.joint_names])
+    print("largest [°]", np.degrees(off).max(), np.degrees(off - steps).max())
+    assert np.degrees(off - steps).max() < 0.3

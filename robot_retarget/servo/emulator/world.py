@@ -56,7 +56,8 @@ class World:
                 device.motor.step_plant(device.voltage, self.step)
         else:
             torques = [device.motor.torque(device.voltage) for device in self.devices]
-            self.plant.advance(torques, [device.torque for device in self.devices])
+            jammed = [device.motor.jammed for device in self.devices]
+            self.plant.advance(torques, [device.torque for device in self.devices], jammed)
             self._take_over()
         for device in self.devices:
             device.motor.update_load(device.voltage, self.step)
@@ -79,7 +80,7 @@ class World:
 #     noise 0.05      share of answers after noise bytes
 #     echo 1          the host hears itself, as on an adapter without direction control
 #     overload 3      a hardware error of servo 3: overload, encoder, shock
-#     jam 3           something holds the shaft of servo 3; `free 3` lets it turn again (without --physics)
+#     jam 3           something holds the shaft of servo 3; `free 3` lets it turn again
 #     heat 3 85       servo 3 is so hot [°C]
 #     supply 9.5      voltage of the supply [V]
 #     model 3 1060    servo 3 answers with this model number
