@@ -47,7 +47,7 @@ class Register(NamedTuple):
     low: int
     high: int
     direction: int = 0
-    """The bit that is set in negative values; 0 where they are two's complements."""
+    """The bit that is set in negative values; 0 for two's complements."""
 
     @property
     def end(self) -> int:
@@ -171,7 +171,7 @@ class Model:
 
 
 class Layout(NamedTuple):
-    """What a player reads and writes at every tick: address and bytes. All servos of a bus have the same."""
+    """Addresses and sizes [B] of the registers of a tick. All servos of a bus have the same."""
 
     protocol: Literal[1, 2]
     goal: tuple[int, int]
@@ -180,7 +180,7 @@ class Layout(NamedTuple):
     supply: tuple[int, int]
     """Voltage and temperature."""
     state: tuple[int, int]
-    """From `torque_enable` to `hardware_error_status`, where there is one."""
+    """From `torque_enable` to `hardware_error_status`, if the table has it."""
 
 
 @cache

@@ -110,7 +110,7 @@ class Bus:
         self._tail, self._over = b"", True
         """In lockstep: bytes that may begin `NO_MORE`, and whether it has come."""
         self._port = SerialPort(self.path)
-        self._parser = self.codec.Parser(host=True)
+        self._parser = self.codec.parser(host=True)
         self._owner = threading.get_ident()
         try:
             opened = self._port.setBaudRate(baud)

@@ -299,3 +299,6 @@ class Parser:
             return False
         del self._buffer[:place]
         return True
+
+
+parser = Parser

@@ -77,7 +77,7 @@ def answered(frames: bytes) -> bool:
     return frames[last + 4 : last + 5] != bytes((Instruction.SYNC_WRITE,))
 
 
-class Parser:
+class ChecksumParser:
     """Frames out of a stream of bytes; noise, broken frames and false headers are passed over.
 
     Args:
@@ -132,3 +132,6 @@ class Parser:
                 elif whole not in self._sent:
                     yield DynamixelPacket(whole[2], Instruction.STATUS, whole[4:-1], end)
         del buffer[: len(buffer) - buffer.endswith(HEADER[:1])]
+
+
+parser = ChecksumParser

@@ -14,7 +14,7 @@ from robot_retarget.actuators.balance_tables import Imu
 from robot_retarget.actuators.goals import RATE
 from robot_retarget.actuators.inertial import LEVEL, BodyMotion, Reading, VirtualImu
 from robot_retarget.actuators.map import ServoMap
-from robot_retarget.actuators.motors import mechanics_of
+from robot_retarget.actuators.motors import MOTORS, mechanics_of
 from robot_retarget.base.errors import ServoError, known
 from robot_retarget.scene.geoms import add_floor
 
@@ -80,8 +80,8 @@ SUPPORT = 0.3
 """Time with torque on and joints still after which the trunk is released [s]."""
 STILL = 0.01
 """Largest movement of a joint that counts as still [rad]."""
-JAM = 1000.0
-"""Friction of a jammed joint [N m]: a hundred times the torque of the strongest servo in the table."""
+JAM = 100 * max(motor.stall_torque for motor in MOTORS.values())
+"""Friction of a jammed joint [N m]."""
 LOWERING = 0.2
 """A held robot whose feet are off the floor is lowered at this speed [m/s]: that after a fall of 2 mm."""
 

@@ -24,17 +24,19 @@ HIDDEN = {
 """Joint damping with the back-EMF [N m s/rad], armature [kg m²], dry friction [N m], and the register of the P gain."""
 BENCH = ServoMap("bench", (Servo("j1", 1, "XM430-W350", lower=-1.5, upper=1.5),), 1_000_000, replace(QUICK, speed=8.0))
 PENDULUM = Pendulum(0.3, 0.1)
-MODEL = """<mujoco><option timestep="0.002"/><worldbody><body><joint name="j1" axis="0 1 0" damping="{}" armature="{}"
-frictionloss="{}" solreffriction="0.004 1" solimpfriction="0.999 0.9999 0.001"/>
+MODEL = """<mujoco><option timestep="0.002"/><worldbody><body><joint name="j1" axis="0 1 0"
+solreffriction="0.004 1" solimpfriction="0.999 0.9999 0.001"/>
 <geom type="sphere" size=".001" mass=".3" pos="0 0 -.1" contype="0"/></body></worldbody></mujoco>"""
 
 
 @pytest.mark.parametrize("hidden", HIDDEN)
 def test_hidden_parameters_of_an_emulated_servo_are_found_within_5_percent(tmp_path: Path, hidden: str) -> None:
     *mechanics, gain = HIDDEN[hidden]
-    (tmp_path / "pendulum.xml").write_text(MODEL.format(*mechanics))
+    damping, armature, friction = mechanics
+    real = Identified(damping - MOTORS["XM430-W350"].back_emf, friction, armature)
+    (tmp_path / "pendulum.xml").write_text(MODEL)
     words = ("--physics", "--model", str(tmp_path / "pendulum.xml"), "--lockstep", "125")
-    with emulated(tmp_path, BENCH, *words) as emulator:
+    with emulated(tmp_path, replace(BENCH, identified={"XM430-W350": real}), *words) as emulator:
         with Bus(emulator.port, BENCH.baud) as bus:
             bus.write(1, BENCH["j1"].type.registers["position_p_gain"], gain)
         found = identify(BENCH, "j1", PENDULUM, emulator.port, tmp_path / "play.npz", PlaybackOptions(lockstep=True))

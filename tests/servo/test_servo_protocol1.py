@@ -5,6 +5,7 @@ Every playback is against an emulator process over a pseudo terminal, whose time
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -58,7 +59,9 @@ def test_the_registers_are_those_of_two_public_sources() -> None:
         registers = model_named(name).registers
         places = {f"{r.address}:{r.size}" for key, r in registers.items() if key != "realtime_tick"}
         assert places == set(text.split()), name
-    assert model_named("XL-320").registers["goal_pwm"].address == 35  # the manual, pypot and the SDK against the workbench
+    assert (
+        model_named("XL-320").registers["goal_pwm"].address == 35
+    )  # the manual, pypot and the SDK against the workbench
 
 
 @pytest.mark.parametrize(
@@ -81,7 +84,7 @@ def test_the_registers_are_those_of_two_public_sources() -> None:
 def test_frames_are_those_of_the_manual_and_come_back(made: bytes, manual: str) -> None:
     assert made == bytes.fromhex(manual)
     noisy = b"\x00\xff" + made[:-2] + made + b"\xff"
-    assert [frame.id for frame in protocol1.Parser().feed(noisy)][-1:] == [made[2]]
+    assert [frame.id for frame in protocol1.parser().feed(noisy)][-1:] == [made[2]]
     assert protocol1.answered(made) == (made[4] != 0x83)
 
 
@@ -253,10 +256,12 @@ def test_when_the_player_is_killed_the_servos_hold_their_last_goals(emulator: Em
 
 def test_protocols_do_not_share_a_bus() -> None:
     x = Servo("x", 9, "XM430-W350", lower=-1, upper=1)
-    with pytest.raises(MapError, match=r"j1 \(MX-28\) and x \(XM430-W350\) cannot share a bus: Protocol 1 and Protocol 2"):
+    with pytest.raises(
+        MapError, match=r"j1 \(MX-28\) and x \(XM430-W350\) cannot share a bus: Protocol 1 and Protocol 2"
+    ):
         replace(BENCH, servos=(*BENCH.servos, x))
     small = Servo("s", 9, "XL-320", zero=512, lower=-1, upper=1)
-    with pytest.raises(MapError, match="cannot share a bus: other addresses"):
+    with pytest.raises(MapError, match=r"cannot share a bus: other addresses"):
         replace(BENCH, servos=(x, small))
 
 
@@ -280,7 +285,7 @@ def test_an_xl_320_is_read_at_its_own_addresses_and_its_errors_have_their_own_bi
         assert outcome.ended is PlaybackEnd.FINISHED, outcome.reason
         assert outcome.figures["worst_joint_rms_rad"] < 0.2
         emulator.do("overload 2")
-        with pytest.raises(ServoError, match="j2 .* hardware error: overload; reboot it"):
+        with pytest.raises(ServoError, match=r"j2 .* hardware error: overload; reboot it"):
             play(PLAN, small, emulator.port, OPTIONS, tmp_path / "play.npz")
 
 
@@ -319,7 +324,9 @@ def poppy(folder: Path) -> tuple[ServoMap, Path]:
     bodies, axes = "", {"x": "1 0 0", "y": "0 1 0", "z": "0 0 1"}
     for k, servo in enumerate(servo_map.servos):
         joint = f'name="{servo.joint}" axis="{axes[servo.joint[-1]]}" range="{servo.lower} {servo.upper}"'
-        bodies += f'<body pos="0 {k} 1"><joint {joint}/><geom type="capsule" size=".02 .05" pos="0 0 -.05" mass=".1"/></body>'
+        bodies += (
+            f'<body pos="0 {k} 1"><joint {joint}/><geom type="capsule" size=".02 .05" pos="0 0 -.05" mass=".1"/></body>'
+        )
     model = f'<mujoco model="poppy"><compiler angle="radian"/><worldbody>{bodies}</worldbody></mujoco>'
     (folder / "poppy.xml").write_text(model)
     (folder / "poppy.toml").write_text(dump_map(servo_map))
@@ -329,7 +336,9 @@ def poppy(folder: Path) -> tuple[ServoMap, Path]:
 def test_poppy_s_public_map_plays_as_judged(tmp_path: Path) -> None:
     servo_map, model = poppy(tmp_path)
     assert [s.joint for s in servo_map.servos if s.range_exceeds_turn] == []
-    assert servo_map["r_knee_y"].upper == servo_map["l_knee_y"].upper == pytest.approx(np.radians(134)), "both bend alike"
+    assert servo_map["r_knee_y"].upper == servo_map["l_knee_y"].upper == pytest.approx(np.radians(134)), (
+        "both bend alike"
+    )
     robot = rr.load_robot(model, servos=tmp_path / "poppy.toml")
     lower, upper = np.array([(servo_map[j].lower, servo_map[j].upper) for j in robot.joint_names]).T
     swing = np.sin(2 * np.pi * 0.5 * np.arange(31)[:, None] / 30 + np.arange(25))
@@ -351,3 +360,40 @@ def test_poppy_s_public_map_plays_as_judged(tmp_path: Path) -> None:
     steps = np.array([1 / abs(servo_map[joint].scale) for joint in robot.joint_names])
     print("largest [°]", np.degrees(off).max(), np.degrees(off - steps).max())
     assert np.degrees(off - steps).max() < 0.3
+
+
+PAGE = ROOT / "docs" / "how-to" / "my-servo.md"
+UNLISTED = """
+from pathlib import Path
+import numpy as np
+from robot_retarget.actuators.map import Servo, ServoMap
+from robot_retarget.servo.bus import Bus
+from robot_retarget.servo.outcome import PlaybackOptions
+from robot_retarget.servo.plan import ServoPlan
+from robot_retarget.servo.play import emulator_process, play
+own = ServoMap("own", (Servo("j1", 1, NAME, lower=-1.0, upper=1.0),))
+with emulator_process(own, "--lockstep", "50") as port:
+    with Bus(port, own.baud, lockstep=True) as bus:
+        assert [number for _, number, _ in bus.scan(range(3))] == [NUMBER]
+    plan = ServoPlan(0.3 * np.sin(np.linspace(0, 6, 100))[:, None], 50.0)
+    print(play(plan, own, port, PlaybackOptions(lockstep=True)).exit_code)
+"""
+
+
+def test_the_row_of_the_page_makes_an_unlisted_servo_play(tmp_path: Path) -> None:
+    row = PAGE.read_text(encoding="utf-8").split("```csv\n")[1].split("\n")[0]
+    name, number = row.split(",")[:2]
+    with pytest.raises(ServoError, match=f"no servo model '{name}'"):
+        model_named(name)
+    package = tmp_path / "robot_retarget"
+    package.mkdir()
+    for part in (ROOT / "robot_retarget").iterdir():
+        if part.name != "actuators":
+            (package / part.name).symlink_to(part)
+    shutil.copytree(ROOT / "robot_retarget" / "actuators", package / "actuators")
+    with (package / "actuators" / "servos.csv").open("a") as table:
+        table.write(row + "\n")
+    code = UNLISTED.replace("NAME", repr(name)).replace("NUMBER", number)
+    environment = os.environ | {"PYTHONPATH": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert done.stdout.strip() == "0", done.stderr

@@ -165,7 +165,7 @@ class Server:
         self.faults: FaultInjector = FaultInjector(network, world, self.wire)
         self.terminal: Terminal | None = Terminal(link)
         self._link = link
-        self._parser = network.codec.Parser(strict)
+        self._parser = network.codec.parser(strict)
         self._out: deque[tuple[float, bytes]] = deque()
         self._began = time.monotonic()
         self._heard = self._through = 0.0
