@@ -1,5 +1,6 @@
 """The first lines that a script has: look, save, cut, print."""
 
+from inspect import signature
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
@@ -9,9 +10,7 @@ from made_trajectories import wander
 
 import robot_retarget as rr
 from robot_retarget.base.files import SAMPLES
-from robot_retarget.graph.describe import DescribeArguments
 from robot_retarget.graph.graph import EdgeError
-from robot_retarget.solver.pipeline import RetargetArguments
 from robot_retarget.tools.cli import options
 
 OP3 = rr.load_robot("op3")
@@ -49,10 +48,34 @@ def test_an_edge_that_costs_most_is_printed_in_one_short_line() -> None:
 
 def test_the_shell_offers_the_words_that_python_takes() -> None:
     shell = get_type_hints(options.GraphOptions) | get_type_hints(options.FollowOptions)
-    python = get_type_hints(RetargetArguments)
+    python = get_type_hints(rr.retarget)
     for name in ("legs", "balance", "preset", "terrain"):
         assert shell[name] == python[name] and len(get_args(shell[name])) > 1
-    assert set(options.GraphOptions().arguments()) == DescribeArguments.__annotations__.keys() - {"weights"}
+    other = {"motion", "robot", "weights", "kinds", "frames"}
+    assert set(options.GraphOptions().arguments()) == signature(rr.describe).parameters.keys() - other
+
+
+@pytest.mark.parametrize("function", [rr.describe, rr.solve, rr.retarget, rr.transfer, rr.sequence, rr.splice])
+def test_a_function_shows_its_keywords_and_their_defaults(function: Any) -> None:
+    given = signature(function).parameters.values()
+    assert not [one.name for one in given if one.kind is one.VAR_KEYWORD]
+    assert all(one.default is not one.empty for one in given if one.kind is one.KEYWORD_ONLY)
+    assert all(one.name in str(function.__doc__) for one in given)
+
+
+def test_retarget_has_the_defaults_of_the_functions_that_it_calls() -> None:
+    whole = signature(rr.retarget).parameters
+    for part in (rr.describe, rr.solve):
+        for name, one in signature(part).parameters.items():
+            assert name in ("kinds", "graph") or whole[name] == one
+
+
+@pytest.mark.parametrize("frames", [(30, 40), (1.0, 1.0 + 1 / 3), "30:40", "1s:1.34s"])
+def test_retarget_takes_a_part_of_a_motion_as_the_shell_does(frames: Any) -> None:
+    motion = rr.read_motion(SAMPLES / "wave.bvh")
+    graph = rr.describe(motion, OP3, frames=frames)
+    assert motion.fps == 30 and len(graph) == 10
+    np.testing.assert_array_equal(graph.motion.positions, motion.positions[30:40])
 
 
 @pytest.mark.parametrize("function", [rr.describe, rr.retarget])

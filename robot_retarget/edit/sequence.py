@@ -8,17 +8,19 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Unpack
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import JERK_PEAK, Floats, minimum_jerk
+from robot_retarget.base.choices import Balance, Legs, Preset
 from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.base.keypoints import ARM, SIDES
+from robot_retarget.base.progress import Progress
 from robot_retarget.edit.seam import Seam, Stances, found_seam, table_of
 from robot_retarget.formats import load_trajectory
+from robot_retarget.graph.weights import Weights
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.resample import at_frames
 from robot_retarget.human.robot_performer import performed
@@ -26,7 +28,7 @@ from robot_retarget.human.skeleton import backward, forward
 from robot_retarget.robot import Robot, as_robot
 from robot_retarget.robot.timing import resample
 from robot_retarget.solver.balance.balance import balance_modes
-from robot_retarget.solver.pipeline import Result, SpliceArguments, TransferArguments, carried
+from robot_retarget.solver.pipeline import Result, carried
 from robot_retarget.trajectory import Trajectory
 
 # Motions of one performer made into one: joined at seams, spliced of legs and arms, at another speed.
@@ -164,7 +166,12 @@ def sequence(
     best: bool = False,
     fade: float | None = None,
     speed: float = 1.0,
-    **how: Unpack[TransferArguments],
+    fps: float | None = None,
+    weights: Weights | None = None,
+    preset: Preset = "balanced",
+    legs: Legs = "auto",
+    balance: Balance = "auto",
+    progress: Progress | None = None,
 ) -> Result:
     """Return trajectories one after the other, with seams that are solved as any motion.
 
@@ -179,7 +186,7 @@ def sequence(
         best: move every seam to the best frames within `seam.NEAR`.
         fade: duration of a seam [s]; by default as long as the joints need, `FADE` at least.
         speed: factor of the speed [-].
-        how: as `TransferArguments` states; balance is `auto` by default.
+        fps, weights, preset, legs, balance, progress: as in `retarget`.
 
     Raises:
         UsageError: no clip, a seam outside its clips, or a duration or speed that is not positive.
@@ -194,8 +201,7 @@ def sequence(
             raise UsageError(f"the {what} must be positive, got {value:g}")
     if len(at) >= len(clips):
         raise UsageError(f"{len(at)} seams were given, {len(clips)} clips have {len(clips) - 1}")
-    how.setdefault("balance", "auto")
-    planned = bool(balance_modes(model, how.get("legs", "auto"), how.get("balance", "auto")))
+    planned = bool(balance_modes(model, legs, balance))
     parts = _parts(clips, model)
     wanted = [*at, *[None] * (len(parts) - 1 - len(at))]
     seams = [
@@ -205,14 +211,20 @@ def sequence(
     motion = joined([part.motion for part in parts], seams)
     if planned:
         motion = motion.frames(parts[0].lead_in, len(motion) - parts[-1].lead_out)
-    return carried(retimed(motion, speed) if speed != 1 else motion, model, **how)
+    timed = retimed(motion, speed) if speed != 1 else motion
+    return carried(timed, model, balance, legs, fps, weights, preset, progress)
 
 
 def splice(
     legs: Trajectory | str | Path,
     arms: Trajectory | str | Path,
     robot: Robot | str | Path,
-    **how: Unpack[SpliceArguments],
+    *,
+    fps: float | None = None,
+    weights: Weights | None = None,
+    preset: Preset = "balanced",
+    balance: Balance = "auto",
+    progress: Progress | None = None,
 ) -> Result:
     """Return a trajectory with the legs, trunk and head of one and the arms of another, solved as any motion.
 
@@ -222,7 +234,7 @@ def splice(
         legs: a trajectory of the robot, or a file that `load_trajectory` reads.
         arms: another.
         robot: a robot, or a name or model file that `load_robot` loads.
-        how: as `SpliceArguments` states; balance is `auto` by default.
+        fps, weights, preset, balance, progress: as in `retarget`.
 
     Raises:
         TrajectoryError: a trajectory belongs to another robot.
@@ -230,10 +242,9 @@ def splice(
     model = as_robot(robot)
     lower, upper = _parts([legs, arms], model)
     motion = spliced(lower.motion, upper.motion)
-    how.setdefault("balance", "auto")
-    if balance_modes(model, "auto", how.get("balance", "auto")):
+    if balance_modes(model, "auto", balance):
         motion = motion.frames(lower.lead_in, len(motion) - lower.lead_out)
-    return carried(motion, model, **how)
+    return carried(motion, model, balance, "auto", fps, weights, preset, progress)
 
 
 @dataclass(frozen=True)

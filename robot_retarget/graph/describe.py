@@ -8,12 +8,12 @@ enforces only the tracks of a graph.
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypedDict, Unpack
+from typing import Any
 
 import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats
-from robot_retarget.base.choices import Preset, Terrain, require_keywords
+from robot_retarget.base.choices import Preset, Terrain
 from robot_retarget.base.errors import UsageError
 from robot_retarget.graph.added import End, added_edge, with_added
 from robot_retarget.graph.graph import Graph
@@ -24,7 +24,7 @@ from robot_retarget.graph.track import SIDES, STEP, Role, Track, columns_of, fra
 from robot_retarget.graph.weights import REFERENCE_FPS, Weights
 from robot_retarget.human.features import HumanFeatures, features_of
 from robot_retarget.human.match import Match, match, read_map
-from robot_retarget.human.motion import Motion
+from robot_retarget.human.motion import Motion, part_of
 from robot_retarget.human.read import as_motion
 from robot_retarget.human.surroundings import rescaled
 from robot_retarget.human.terrain import with_terrain
@@ -154,55 +154,50 @@ class RobotGraph(Graph):
         return track.weighed(0.0, edges) if whole else super()._less(track, edges)
 
 
-class DescribeArguments(TypedDict, total=False):
-    """Keywords of `describe`, in Python and behind the options of the shell."""
-
-    fps: float | None
-    """Frames per second; None takes the motion's own, `MOST_FPS` at most."""
-    overrides: str | Path | None
-    """A TOML file that replaces lines of the keypoint map (`match.match`) and freezes joints of the robot."""
-    weights: Weights | None
-    """How much each kind of edge counts."""
-    preset: Preset
-    """`directions` of limbs, `distances` between parts, or `balanced` (`Weights.with_preset`)."""
-    scene: Scene | str | Path | None
-    """The bodies around the human, or a file that `read_scene` reads; None takes those of the motion, if any."""
-    scene_scale: float | None
-    """Size of the bodies around the robot over their captured size [-]; None takes that of the scene, and without one scales
-    them with the human."""
-    terrain: Terrain
-    """`auto` adds boxes for the steps and seats that the motion shows (`human.terrain`); `flat`, the default, adds none."""
-
-
 def describe(
     motion: Motion | str | Path,
     robot: Robot | str | Path,
     *,
+    frames: tuple[float, float | None] | str | None = None,
+    fps: float | None = None,
+    overrides: str | Path | None = None,
+    weights: Weights | None = None,
+    preset: Preset = "balanced",
+    scene: Scene | str | Path | None = None,
+    scene_scale: float | None = None,
+    terrain: Terrain = "flat",
     kinds: Iterable[Kind] | None = None,
-    **how: Unpack[DescribeArguments],
 ) -> RobotGraph:
     """Build the graph of a human motion on a robot.
 
     Args:
         motion: a motion, or a file that `read_motion` reads.
         robot: a robot, or a name or model file that `load_robot` loads.
+        frames: the part of the motion: its first frame and the frame after its last, floats as times [s], or the text of the
+            shell (`"30:90"`, `"1s:3s"`); None takes the whole.
+        fps: frames per second; None takes the motion's own, `MOST_FPS` at most.
+        overrides: a TOML file that replaces lines of the keypoint map (`human.match.match`) and freezes joints of the robot.
+        weights: how much each kind of edge counts.
+        preset: `directions` of limbs, `distances` between parts, or `balanced` (`Weights.with_preset`).
+        scene: the bodies around the human, or a file that `read_scene` reads; None takes those of the motion, if any.
+        scene_scale: size of the bodies around the robot over their captured size [-]; None takes that of the scene, and without
+            one scales them with the human.
+        terrain: `auto` adds boxes for the steps and seats that the motion shows (`human.terrain`); `flat` adds none.
         kinds: the kinds of edges that describe the motion; None takes `clip_kinds` (`graph.kinds`).
-        how: as `DescribeArguments` states.
 
     Raises:
         SceneError: a body does not fit the motion.
         MatchError: the motion is not human, or the robot no humanoid.
-        UsageError: fps out of range, or an unknown preset.
+        UsageError: frames outside the motion, fps out of range, or an unknown preset.
     """
-    require_keywords(describe, how, DescribeArguments)
-    overrides, scale = how.get("overrides"), how.get("scene_scale")
-    weighed = (how.get("weights") or Weights()).with_preset(how.get("preset", "balanced"))
-    motion = at_rate(among(as_motion(motion), how.get("scene"), scale), how.get("fps"))
+    weighed = (weights or Weights()).with_preset(preset)
+    part = part_of(as_motion(motion), frames)
+    motion = at_rate(among(part, scene, scene_scale), fps)
     tables = read_map(Path(overrides)) if overrides is not None else {}
     robot = freeze(as_robot(robot), frozen_lines(tables.get("robot", {})))
     matched = match(motion, robot, overrides)
-    if how.get("terrain") == "auto":
-        motion = among(with_terrain(motion, matched), None, scale)
+    if terrain == "auto":
+        motion = among(with_terrain(motion, matched), None, scene_scale)
     graph = graph_of(motion, features_of(motion, matched), robot, weighed, kinds)
     return replace(graph, mapped=overrides is not None)
 

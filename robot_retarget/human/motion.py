@@ -204,13 +204,15 @@ class Motion:
 # Parts of a clip in words: frames or seconds.
 
 
-def part_of(motion: Motion, frames: str | None) -> Motion:
-    """Return the part of a motion that `START:STOP` names; the whole for None.
+def part_of(motion: Motion, frames: tuple[float, float | None] | str | None) -> Motion:
+    """Return the part of a motion between two frames or times (`Motion.frames`), or as `START:STOP`; the whole for None.
 
     Raises:
         UsageError: the text is not of this form, or leaves the clip.
     """
-    return motion if frames is None else motion.frames(*span_of(frames, len(motion), motion.fps))
+    if frames is None:
+        return motion
+    return motion.frames(*(span_of(frames, len(motion), motion.fps) if isinstance(frames, str) else frames))
 
 
 def span_of(text: str, count: int, fps: float) -> tuple[int, int]:

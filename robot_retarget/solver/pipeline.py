@@ -4,21 +4,22 @@ import time
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TypedDict, Unpack, cast
 
-from robot_retarget.base.choices import Balance, Legs, Preset, require_keywords
+from robot_retarget.base.choices import Balance, Legs, Preset, Terrain
 from robot_retarget.base.errors import MatchError
 from robot_retarget.base.pages import card
 from robot_retarget.base.progress import Progress, consecutive
 from robot_retarget.collision import Warnings, warnings_of
-from robot_retarget.graph.describe import DescribeArguments, RobotGraph, describe
+from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.graph.kinds import KINDS
 from robot_retarget.graph.weights import Weights
 from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.robot_performer import performed
-from robot_retarget.robot import Robot
+from robot_retarget.robot import Robot, as_robot
+from robot_retarget.robot.catalog import Played, on_robot
 from robot_retarget.robot.model import assumed_speed_notes
+from robot_retarget.scene import Scene
 from robot_retarget.scores.likeness import Likeness, likeness_of
 from robot_retarget.scores.plausibility import mismatch
 from robot_retarget.solver.balance.balance import balance_modes, in_balance
@@ -133,52 +134,30 @@ is smooth already, and every joint has a target. Half and double change the cost
 %."""
 
 
-class SolveArguments(TypedDict, total=False):
-    """Keywords of `solve`, in Python and behind the options of the shell."""
-
-    options: SolveOptions | None
-    """Tolerances and margins of a frame."""
-    search: Search | None
-    """Starts, and the moments at which poses are sought."""
-    smoothing: Smoothing | None
-    """Passes over the whole clip."""
-    legs: Legs
-    """With balance, `follow` tracks the human's legs and `stand` keeps both feet in place. `auto`, the default, follows if the
-    result is like the human's motion (`likeness.Alike`), and otherwise stands and adds a note."""
-    balance: Balance
-    """`static` keeps the centre of mass over the planted soles, `dynamic` the zero moment point. Both begin and end in a balanced
-    stand and slow the motion down where necessary. `off` changes nothing. `auto`, the default, is off for robots without a servo
-    map (next to their MJCF, or given), and static for legs that stand. For other legs it is static, and dynamic where steps in
-    static balance are unlike the human's motion."""
-    progress: Progress | None
-    """Receives (steps done, steps in all) of draft and balance together; the second number may grow."""
-
-
-class RetargetArguments(DescribeArguments, SolveArguments, total=False):
-    """Keywords of `retarget`: those of `describe` and of `solve`."""
-
-
-class SpliceArguments(TypedDict, total=False):
-    """Keywords of `splice`; each as in `RetargetArguments`."""
-
-    fps: float | None
-    weights: Weights | None
-    preset: Preset
-    balance: Balance
-    progress: Progress | None
-
-
-class TransferArguments(SpliceArguments, total=False):
-    """Keywords of `transfer` and `sequence`; each as in `RetargetArguments`."""
-
-    legs: Legs
-
-
-def solve(graph: RobotGraph, **how: Unpack[SolveArguments]) -> Result:
+def solve(
+    graph: RobotGraph,
+    *,
+    options: SolveOptions | None = None,
+    search: Search | None = None,
+    smoothing: Smoothing | None = None,
+    legs: Legs = "auto",
+    balance: Balance = "auto",
+    progress: Progress | None = None,
+) -> Result:
     """Solve a graph for the robot's joints.
 
     Args:
-        how: as `SolveArguments` states.
+        graph: of a motion on a robot.
+        options: tolerances and margins of a frame.
+        search: starts, and the moments at which poses are sought.
+        smoothing: passes over the whole clip.
+        legs: with balance, `follow` tracks the human's legs and `stand` keeps both feet in place. `auto` follows if the result is
+            like the human's motion (`scores.likeness.Alike`), and otherwise stands and adds a note.
+        balance: `static` keeps the centre of mass over the planted soles, `dynamic` the zero moment point. Both begin and end in
+            a balanced stand and slow the motion down where necessary. `off` changes nothing. `auto` is off for robots without a
+            servo map (next to their MJCF, or given), and static for legs that stand. For other legs it is static, and dynamic
+            where steps in static balance are unlike the human's motion.
+        progress: receives (steps done, steps in all) of draft and balance together; the second number may grow.
 
     Raises:
         MatchError: the solved motion is unlike the human's (`plausibility.mismatch`), no map file names the joints, and no edge is
@@ -186,16 +165,12 @@ def solve(graph: RobotGraph, **how: Unpack[SolveArguments]) -> Result:
         UsageError: an unknown choice of legs or balance, or legs that stand without balance.
         BalanceError: the motion leaves the floor, the human is held up, or the robot has no feet.
     """
-    require_keywords(solve, how, SolveArguments)
-    legs, progress = how.get("legs", "auto"), how.get("progress")
-    modes = balance_modes(graph.robot, legs, how.get("balance", "auto"))
+    modes = balance_modes(graph.robot, legs, balance)
     graph = graph.balanced(BalanceOptions().speed) if modes else graph.unbalanced()  # the playback is no faster
     draft, planting = progress, None
     if modes and progress:
         draft, planting = consecutive(progress, expected_steps(graph))
-    solution = solve_graph(
-        graph, options=how.get("options"), search=how.get("search"), smoothing=how.get("smoothing"), progress=draft
-    )
+    solution = solve_graph(graph, options=options, search=search, smoothing=smoothing, progress=draft)
     doubt = mismatch(graph.human, graph.robot, solution.trajectory.qpos, graph.motion.source)
     chosen = graph.mapped or any(track.kind.by_user for track in graph.tracks)
     if doubt and not chosen:
@@ -209,28 +184,58 @@ def solve(graph: RobotGraph, **how: Unpack[SolveArguments]) -> Result:
     return Result(graph, replace(solution, timings=timings), balanced, source, doubt)
 
 
-def retarget(motion: Motion | str | Path, robot: Robot | str | Path, **how: Unpack[RetargetArguments]) -> Result:
-    """Retarget a human motion to a robot: `describe`, then `solve`, which state the errors.
+def retarget(
+    motion: Motion | str | Path,
+    robot: Robot | str | Path,
+    *,
+    frames: tuple[float, float | None] | str | None = None,
+    fps: float | None = None,
+    overrides: str | Path | None = None,
+    weights: Weights | None = None,
+    preset: Preset = "balanced",
+    scene: Scene | str | Path | None = None,
+    scene_scale: float | None = None,
+    terrain: Terrain = "flat",
+    options: SolveOptions | None = None,
+    search: Search | None = None,
+    smoothing: Smoothing | None = None,
+    legs: Legs = "auto",
+    balance: Balance = "auto",
+    progress: Progress | None = None,
+) -> Result:
+    """Retarget a human motion to a robot: `describe`, then `solve`, which state the keywords and the errors.
 
     Args:
         motion: a motion, or a file that `read_motion` reads.
         robot: a robot, or a name or model file that `load_robot` loads.
-        how: as `RetargetArguments` states.
+        frames, fps, overrides, weights, preset, scene, scene_scale, terrain: as in `describe`.
+        options, search, smoothing, legs, balance, progress: as in `solve`.
 
     Returns:
         The trajectory with its graph and solution.
     """
     began = time.perf_counter()
-    described = {name: value for name, value in how.items() if name in DescribeArguments.__annotations__}
-    graph = describe(motion, robot, **cast(DescribeArguments, described))
+    rated = {"frames": frames, "fps": fps, "overrides": overrides, "weights": weights, "preset": preset}
+    graph = describe(motion, robot, **rated, scene=scene, scene_scale=scene_scale, terrain=terrain)
     prepared = time.perf_counter() - began
-    solving = {name: value for name, value in how.items() if name not in described}
-    result = solve(graph, **cast(SolveArguments, solving))
+    solving = {"options": options, "search": search, "smoothing": smoothing}
+    result = solve(graph, **solving, legs=legs, balance=balance, progress=progress)
     timed = replace(result.solution, timings={"describe": prepared, **result.solution.timings})
     return replace(result, solution=timed)
 
 
-def transfer(trajectory: Trajectory, source: Robot, robot: Robot, **how: Unpack[TransferArguments]) -> Result:
+def transfer(
+    trajectory: Played,
+    source: Robot | str | Path | None,
+    robot: Robot | str | Path,
+    *,
+    fps: float | None = None,
+    weights: Weights | None = None,
+    preset: Preset = "balanced",
+    legs: Legs = "auto",
+    balance: Balance = "off",
+    progress: Progress | None = None,
+) -> Result:
     """Carry the motion of one robot over to another; to itself, it is the identity within the solver's tolerance.
 
     The source's forward kinematics is the performer (`human.robot_performer.performed`). Smoothness and the pull to the
@@ -238,32 +243,40 @@ def transfer(trajectory: Trajectory, source: Robot, robot: Robot, **how: Unpack[
     touches the other hand, the head or a knee; beside a robot's hip it passes without touching.
 
     Args:
-        trajectory: configurations of the source.
-        source: the robot that moves.
-        robot: the robot that follows.
-        how: as `TransferArguments` states; balance is off by default.
+        trajectory: a result of `retarget`, a trajectory of the source, or its file.
+        source: the robot that moves; None takes the trajectory's.
+        robot: the robot that follows, or a name or model file that `load_robot` loads.
+        fps, weights, preset, legs, balance, progress: as in `retarget`.
 
     Raises:
         TrajectoryError: the trajectory belongs to another robot.
         MatchError: one of the robots is no humanoid.
     """
-    return carried(performed(trajectory, source), robot, **how)
+    motion = performed(*on_robot(trajectory, source))
+    return carried(motion, as_robot(robot), balance, legs, fps, weights, preset, progress)
 
 
-def carried(motion: Motion, robot: Robot, **how: Unpack[TransferArguments]) -> Result:
+def carried(
+    motion: Motion,
+    robot: Robot,
+    balance: Balance,
+    legs: Legs,
+    fps: float | None = None,
+    weights: Weights | None = None,
+    preset: Preset = "balanced",
+    progress: Progress | None = None,
+) -> Result:
     """Carry the motion of a robot performer over to a robot, as `transfer`; with balance, smoothness has its weight."""
-    require_keywords(transfer, how, TransferArguments)
-    legs, balance = how.get("legs", "auto"), how.get("balance", "off")
-    given = how.get("weights") or Weights()
+    given = weights or Weights()
     exact = replace(given, rest=EXACT * given.rest, swing=0.0)
     if not balance_modes(robot, legs, balance):
         exact = replace(exact, smooth=EXACT * given.smooth, jerk=EXACT * given.jerk, smooth_root=1.0, smooth_turn=1.0)
     kinds = [kind.for_robot() for kind in KINDS]
     return solve(
-        describe(motion, robot, fps=how.get("fps"), weights=exact, preset=how.get("preset", "balanced"), kinds=kinds),
+        describe(motion, robot, fps=fps, weights=exact, preset=preset, kinds=kinds),
         options=SolveOptions(tolerance=EXACT * SolveOptions.tolerance),
         smoothing=Smoothing(passes=8, proximal=EXACT * Smoothing.proximal, closing=1.0),
         legs=legs,
         balance=balance,
-        progress=how.get("progress"),
+        progress=progress,
     )

@@ -61,7 +61,6 @@ def _require(wanted: str, path: Path, listed: bool) -> None:
 if TYPE_CHECKING:
     from robot_retarget.actuators.map import ServoMap
     from robot_retarget.base.progress import Progress
-    from robot_retarget.graph.describe import DescribeArguments
 
 DEFAULT_ROBOT = "op3"
 ROBOT = "A shipped name (op3), an MJCF file, or a robot_descriptions name"
@@ -326,7 +325,7 @@ class GraphOptions(SceneOptions, RateOptions, MapOptions):
 
         return rr.describe(motion, robot, **self.arguments())
 
-    def arguments(self) -> "DescribeArguments":
+    def arguments(self) -> dict[str, Any]:
         """Return the keywords of `describe`."""
         return {
             "fps": self.fps,
