@@ -14,7 +14,7 @@ from robot_retarget.actuators.goals import FILE_FIELDS as GOAL_FIELDS
 from robot_retarget.actuators.goals import Goals, read_goals, require_angles
 from robot_retarget.base.arrays import Floats, frozen
 from robot_retarget.base.errors import SceneError, TrajectoryError
-from robot_retarget.base.files import replacing
+from robot_retarget.base.files import replacing, require_suffix
 from robot_retarget.base.pages import card, data_frame
 from robot_retarget.base.untrusted.arrays import FARTHEST, RATES, Field, read_fields
 from robot_retarget.scene.scene import FIELDS as SCENE_FIELDS
@@ -38,6 +38,8 @@ FIELDS = {
 }
 """Of the trajectory file."""
 KEYS = tuple(name for name, field in FIELDS.items() if field.required)
+SUFFIX = ".npz"
+"""Of a trajectory file."""
 FREE_ROOT = 7
 """Coordinates of a free joint, as in MuJoCo: xyz and a quaternion."""
 LARGEST_FIGURE = 1e9
@@ -181,9 +183,10 @@ class Trajectory:
         """Write the `.npz` file of the contract (no pickles), whole or not at all.
 
         Raises:
-            OutputError: the file cannot be written.
+            OutputError: the file cannot be written, or has the suffix of another format.
         """
         target = Path(path)
+        require_suffix(target, SUFFIX, "`export` writes trajectories in other formats")
         with replacing(target) as scratch:
             scratch.write_bytes(self.serialised())
         return target
@@ -233,6 +236,11 @@ def load_trajectory(path: str | Path) -> Trajectory:
         TrajectoryError: The file cannot be read, is not a trajectory file, lacks a key, has a value that no trajectory
             has, or is of a later format.
     """
+    if Path(path).suffix.lower() not in ("", SUFFIX) and Path(path).is_file():
+        raise TrajectoryError(
+            f"{path}: not a trajectory ({SUFFIX}); `retarget` makes one of a human's motion, and `load_trajectory` with a robot "
+            "reads the formats of other tools"
+        )
     values = read_fields(path, FIELDS, TrajectoryError)
     try:
         return Trajectory(

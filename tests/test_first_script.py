@@ -82,3 +82,15 @@ def test_retarget_takes_a_part_of_a_motion_as_the_shell_does(frames: Any) -> Non
 def test_an_unknown_keyword_is_refused_by_name(function: Any) -> None:
     with pytest.raises(TypeError, match="unexpected keyword argument 'presett'"):
         function(SAMPLES / "wave.bvh", OP3, presett="balanced")
+
+
+def test_a_trajectory_is_saved_under_its_own_suffix_only(tmp_path: Path) -> None:
+    with pytest.raises(rr.RobotRetargetError, match=r"its name has to end in \.npz; `export` writes"):
+        wander(OP3).save(tmp_path / "x.csv")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("take", [rr.view, rr.simulate, rr.load_trajectory, rr.score])
+def test_a_motion_in_place_of_a_trajectory_is_called_so(take: Any) -> None:
+    with pytest.raises(rr.RobotRetargetError, match=r"wave\.bvh: not a trajectory \(\.npz\); `retarget` makes one"):
+        take(SAMPLES / "wave.bvh")

@@ -216,7 +216,7 @@ PYROKI = declared(
 
 def write_native(motion: RobotMotion, path: Path) -> None:
     """Write the file."""
-    motion.trajectory.save(path)
+    path.write_bytes(motion.trajectory.serialised())
 
 
 def read_native(source: TrajectorySource) -> Trajectory:

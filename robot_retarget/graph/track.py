@@ -166,6 +166,9 @@ class Track:
         if not self.huber_delta > 0:
             raise GraphError(f"{self.name} has the Huber scale {self.huber_delta:g}, which is not above 0")
 
+    def __repr__(self) -> str:
+        return f"<Track {self.name}: {len(self.ends)} edges × {len(self.lower)} frames>"
+
     def refuse(self, wrong: np.ndarray, reason: str) -> None:
         """Raise for the first edge that is wrong.
 

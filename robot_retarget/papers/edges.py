@@ -1,9 +1,9 @@
 """The expansion of tracks over V × T: the table of the papers, one row for every edge at every frame."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +51,20 @@ def trace(lag: int) -> PointKind:
     return PointKind(f"trace {lag}", stencil=(-lag, 0))
 
 
+class Edge(NamedTuple):
+    """One edge."""
+
+    a: str
+    b: str
+    """Its ends, as `name@frame`."""
+    lower: float
+    upper: float
+    """The target interval [m]."""
+    priority: float
+    """π [1/m²]."""
+    kind: str
+
+
 @dataclass(frozen=True, eq=False)
 class Edges:
     """E edges over V × T: track after track, frame after frame. The vertex v at frame t has the id t·|V| + v."""
@@ -74,6 +88,17 @@ class Edges:
 
     def __len__(self) -> int:
         return len(self.i)
+
+    def __getitem__(self, k: int) -> Edge:
+        """Return an edge."""
+        lower, upper, priority = (float(column[k]) for column in (self.lower, self.upper, self.priority))
+        return Edge(self.vertex_name(self.i[k]), self.vertex_name(self.j[k]), lower, upper, priority, str(self.kind[k]))
+
+    def __iter__(self) -> Iterator[Edge]:
+        return map(self.__getitem__, range(len(self)))
+
+    def __repr__(self) -> str:
+        return f"<{len(self)} edges over {len(self.vertices)} vertices × {self.frames} frames>"
 
     @property
     def exact(self) -> NDArray[np.bool_]:

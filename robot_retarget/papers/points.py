@@ -117,9 +117,14 @@ class PointGraph(Graph):
         """|T|."""
         return self.frames
 
+    def __repr__(self) -> str:
+        counts = ", ".join(f"{track.present.sum()} {track.name}" for track in self.tracks)
+        size = f"{len(self.vertices)} vertices × {self.frames} frames in {self.dimension} dimensions"
+        return f"<PointGraph of {size}; edges: {counts or 'none'}>"
+
     @cached_property
     def edges(self) -> Edges:
-        """E, one by one."""
+        """E, one by one: `edges[k]`, `for edge in edges`, or its columns."""
         return expand(self.tracks, self.vertices, self.frames)
 
     def place(self, name: str) -> int:

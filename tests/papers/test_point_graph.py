@@ -141,3 +141,19 @@ def test_bone_edges_hold_the_lengths_in_every_frame() -> None:
     assert len(bones.edges) == 8
     assert sorted(bones.at_frame(3).edges.lower.tolist()) == [1.0, 2.0]
     assert bones.edges.name(1) == "b@0–c@0"
+
+
+def test_edges_are_walked_through_and_picked_one_by_one() -> None:
+    graph = triangle(lower=[1.0, 2.0, 3.0], upper=[1.5, 2.5, 3.5])
+    rows = [(edge.a, edge.b, edge.lower, edge.upper, edge.priority, edge.kind) for edge in graph.edges]
+    columns = graph.edges.lower, graph.edges.upper, graph.edges.priority, graph.edges.kind
+    assert [row[2:] for row in rows] == list(zip(*(column.tolist() for column in columns), strict=True))
+    assert [(a, b) for a, b, *_ in rows] == [("a", "b"), ("b", "c"), ("a", "c")]
+    assert graph.edges[-1] == rows[-1] and len(list(graph.edges)) == len(graph.edges) == 3
+    with pytest.raises(IndexError):
+        graph.edges[3]
+
+
+def test_a_graph_of_points_prints_in_one_line() -> None:
+    graph = PointGraph.of(RNG.normal(size=(40, 30, 3)))
+    assert len(repr(graph)) < 200 and "30 vertices × 40 frames" in repr(graph) and len(repr(graph.edges)) < 100

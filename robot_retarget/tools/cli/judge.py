@@ -59,6 +59,8 @@ def simulate(how: SimulateOptions, robot: opt.RobotOptions, printing: opt.PrintO
     page = how.page
     if page is not None:
         require_suffix(page, ".html", "--json prints the report as JSON")
+    if how.executed is not None:
+        require_suffix(how.executed, ".npz", "`export` writes trajectories in other formats")
     model, played = robot.load(how.servos), rr.load_trajectory(how.trajectory)
     resolved = mode_of(played) if how.policy is None else "free"
     mode = resolved if how.mode == "auto" else how.mode
