@@ -154,6 +154,9 @@ def load_robot(name: str | Path, limits: str | Path | None = None, servos: str |
     side_file = Path(limits) if limits is not None else _beside(path)
     tables = read_limits(side_file) if side_file is not None else {}
     robot = _loaded(path, tables)
+    names = robot.joint_names
+    for joint in (joint for table in tables.values() for joint in table if joint not in ("*", *names)):
+        raise RobotError(f"{side_file}: {path.name} has no joint {joint!r}; {known(names, 40, typed=joint)}")
     robot = _stood(robot, tables) if robot.floating or not robot.root_joints.size else robot
     own = path.with_name("servos.toml")
     found = servos if servos is not None else own if own.is_file() else None

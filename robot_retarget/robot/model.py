@@ -208,14 +208,14 @@ def robot_from_model(
     names = tuple(model.joint(j).name or f"joint_{j}" for j in hinges)
     lower, upper, unstated = _ranges(model, hinges, names)
     tables = limits or {}
-    bounds = _stated(tables, "range", names, path)
+    bounds = _stated(tables, "range", names)
     for k, pair in bounds.items():
         lower[k], upper[k] = pair
     unlimited = [names[k] for k in unstated if k not in bounds]
     remarks = (f"no range given for {', '.join(unlimited)}: ±{DEFAULT_RANGE:.4g} rad taken",) if unlimited else ()
     speed, torque = np.full(len(names), DEFAULT_MAX_SPEED), _torques(model, hinges)
     for values, key in ((speed, "speed"), (torque, "torque")):
-        for k, value in _stated(tables, key, names, path).items():
+        for k, value in _stated(tables, key, names).items():
             values[k] = value
     remarks = (*notes, *remarks)
     joints, carriers = np.array(hinges), np.array(root, int)
@@ -286,12 +286,9 @@ def _actuator_bound(model: mujoco.MjModel, actuator: int) -> float:
     return float("inf")
 
 
-def _stated(tables: dict[str, dict[str, Any]], key: str, names: tuple[str, ...], path: Path) -> dict[int, Any]:
+def _stated(tables: dict[str, dict[str, Any]], key: str, names: tuple[str, ...]) -> dict[int, Any]:
     """Return the values of a table of a limits file by the place of their joint among names."""
     table = tables.get(key, {})
-    strange = next((joint for joint in table if joint not in ("*", *names)), None)
-    if strange is not None:
-        raise RobotError(f"the limits file for {path} names the joint {strange!r}; {known(names, 40, typed=strange)}")
     return {k: table.get(name, table.get("*")) for k, name in enumerate(names) if name in table or "*" in table}
 
 

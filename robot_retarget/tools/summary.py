@@ -17,6 +17,7 @@ from robot_retarget.human.terrain import with_terrain
 from robot_retarget.robot import Robot
 from robot_retarget.robot import recognise as recognise_robot
 from robot_retarget.solver.solution import Solution
+from robot_retarget.trajectory import Trajectory
 
 
 def describe_motion(motion: Motion) -> dict[str, Any]:
@@ -55,6 +56,23 @@ def describe_motion(motion: Motion) -> dict[str, Any]:
         "remarks": [*found.notes, *_map_advice(keypoints)],
     }
     return facts | {"human": True, "confidence": round(found.confidence, 2)} | size | remarks
+
+
+def describe_trajectory(trajectory: Trajectory) -> dict[str, Any]:
+    """Robot, source, length, rate and joints of a trajectory, and whether it has balance and judged goals."""
+    return {
+        "kind": "trajectory",
+        "robot": trajectory.robot,
+        "source": trajectory.source,
+        "frames": len(trajectory),
+        "fps": round(trajectory.fps, 4),
+        "duration_s": round(trajectory.duration, 3),
+        "joints": list(trajectory.joint_names),
+        "balance": trajectory.balance or "off",
+        "judged_goals": trajectory.goals is not None,
+        "bodies": [] if trajectory.scene is None else list(trajectory.scene.names),
+        "notes": list(trajectory.notes),
+    }
 
 
 def describe_scene(motion: Motion, robot: Robot) -> dict[str, Any]:

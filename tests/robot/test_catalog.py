@@ -85,7 +85,7 @@ def test_a_side_file_fills_missing_ranges(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("[range]\nelbow = [0, 1]", "names the joint 'elbow'; .*known: shoulder"),
+        ("[range]\nelbow = [0, 1]", r"my\.toml: arm\.xml has no joint 'elbow'; known: shoulder"),
         (
             "[ranges]\nshoulder = [0, 1]",
             r"unknown table \[ranges\]; did you mean 'range'\? known: range, speed, torque",

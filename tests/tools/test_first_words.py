@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -55,6 +56,68 @@ def test_frames_are_given_by_number_or_time(text: str, span: tuple[int, int]) ->
 def test_other_frames_are_refused(text: str) -> None:
     with pytest.raises(UsageError, match="--frames takes START:STOP"):
         span_of(text, 100, 30.0)
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of results, as `run` leaves it."""
+    folder = tmp_path_factory.mktemp("results")
+    wander(load_robot("op3")).save(folder / "trajectory.npz")
+    return folder
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "score RESULTS/trajectory.npz",
+        "export RESULTS -f core -o OUT.npz",
+        "edit mirror RESULTS/trajectory.npz -o OUT.npz",
+        "edit cut RESULTS -o OUT.npz --trim 0:0.2",
+        "warn RESULTS",
+        "simulate RESULTS --no-store --no-compensate --draws 0",
+        "view RESULTS --static OUT.html",
+    ],
+)
+def test_commands_take_the_robot_and_the_trajectory_that_results_name(
+    words: str, results: Path, tmp_path: Path
+) -> None:
+    done = run(*words.replace("RESULTS", str(results)).replace("OUT", str(tmp_path / "out")).split())
+    assert done.returncode in (0, 1) and "error" not in done.stderr, done.stderr
+
+
+def test_a_file_that_names_no_robot_or_an_unknown_one_says_which_option_does(tmp_path: Path) -> None:
+    (tmp_path / "moves.csv").write_text("1,2\n")
+    replace(wander(load_robot("op3")), robot="nobody").save(tmp_path / "moves.npz")
+    for name, said in (
+        ("moves.csv", "names no robot: --robot is missing"),
+        ("moves.npz", "is of the robot 'nobody'; --robot"),
+    ):
+        done = run("score", tmp_path / name)
+        assert done.returncode == 2 and said in done.stderr, done.stderr
+
+
+def test_an_exported_file_is_scored_by_the_robot_beside_it(results: Path, tmp_path: Path) -> None:
+    assert run("export", results, "-f", "unitree", "-o", tmp_path / "moves.csv").returncode == 0
+    done = run("score", tmp_path / "moves.csv", "--json")
+    assert done.returncode == 0 and json.loads(done.stdout)["robot"] == "op3"
+
+
+def test_info_describes_a_trajectory(results: Path) -> None:
+    done = run("info", results / "trajectory.npz")
+    assert done.returncode == 0 and "a trajectory of" in done.stdout and "on op3" in done.stdout
+
+
+def test_progress_is_a_line_now_and_then_where_there_is_no_terminal(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = iter(range(0, 10_000, 4))  # a clip in eight seconds: the clock is read twice or more for each
+    monkeypatch.setattr(console, "monotonic", lambda: float(next(clock)))
+    with console.tally(40, lambda: False) as report:
+        for k in range(40):
+            report(k % 10 > 0)
+    lines = capsys.readouterr().err.splitlines()
+    assert 5 <= len(lines) <= 20 and lines[-1].startswith("40/40 clips") and "4 failed" in lines[-1]
+    assert all("clips/s" in line and " s left" in line for line in lines)
 
 
 def test_a_wrong_kind_of_file_says_which_command_takes_it(tmp_path: Path) -> None:
@@ -174,7 +237,11 @@ def test_a_command_without_its_group_gets_the_whole_name() -> None:
         (("view", WAVE), f"a motion, not a trajectory; robot-retarget run {WAVE}"),
         ((WAVE,), f"a file, not a command; robot-retarget run {WAVE}"),
         (("info", "-r", ROOT / "models/op3"), f"is a folder; models in it: {ROOT / 'models/op3/op3.xml'}"),
-        (("info", "-r", "op3", "--limits", "LIMITS"), "the limits file for "),
+        (("info", "-r", "op3", "--limits", "LIMITS"), "limits.toml: op3.xml has no joint 'l_ell'; "),
+        (("retarget", WAVE), "no command 'retarget'; did you mean 'run'? known: "),
+        (("visualize",), "did you mean 'view'?"),
+        (("simulat",), "did you mean 'simulate'?"),
+        (("view", ROOT / "models"), "is a folder without trajectory.npz; trajectories in it: none"),
         (("info", "-r", "op3", "--limits", "LIMITS"), "did you mean 'l_el'?"),
         (("solve", WAVE, "--fps", "abc", "-o", "x.npz"), "'--fps': it takes a number\n"),
         (("batch", WAVE, "--jobs", "0", "--out", "x"), "it must be greater than or equal to 1\n"),

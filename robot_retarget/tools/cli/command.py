@@ -18,7 +18,7 @@ from typing import Annotated, Any, TypeVar, dataclass_transform, get_type_hints
 import typer
 from typer.core import TyperGroup
 
-from robot_retarget.base.errors import RobotRetargetError, UsageError
+from robot_retarget.base.errors import RobotRetargetError, UsageError, known
 from robot_retarget.tools.cli import console
 
 TYPER = "typer"
@@ -112,6 +112,17 @@ PLAIN = (
 """Messages of a library about refused values of options, and their replacements."""
 
 
+MEANT = {
+    "retarget": "run",
+    "visualize": "view",
+    "visualise": "view",
+    "show": "view",
+    "evaluate": "score",
+    "judge": "simulate",
+}
+"""Words for commands that other programs have."""
+
+
 class Interruptible(TyperGroup):
     """Commands that end on Ctrl-C with a message about the files that are kept, from the exception."""
 
@@ -125,6 +136,11 @@ class Interruptible(TyperGroup):
         within = [name for name, own in self.commands.items() if args[0] in getattr(own, "commands", ())]
         if args[0] not in self.commands and within:
             raise UsageError(f"{args[0]} is a command of {within[0]}: robot-retarget {within[0]} {' '.join(args)}")
+        if args[0] not in self.commands and not args[0].startswith("-"):
+            meant = MEANT.get(args[0].lower(), args[0])
+            raise UsageError(
+                f"no command {args[0]!r}; {known(self.commands, 40, typed=meant)}; --help says what they do"
+            )
         return super().resolve_command(ctx, args)
 
     def make_context(self, *words: Any, **options: Any) -> Any:

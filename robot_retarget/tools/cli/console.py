@@ -338,21 +338,28 @@ def progress() -> Iterator[Callable[[str], Progress]]:
         yield begin
 
 
+LINES = 30.0
+"""Interval of lines of progress where no terminal shows a bar [s]."""
+
+
 @contextmanager
 def tally(total: int, stopping: Callable[[], bool]) -> Iterator[Callable[[bool], None]]:
-    """Show a bar over independent pieces: number done, number failed, rate, time left.
+    """Show a bar over independent pieces, or lines without a terminal: number done, number failed, rate, time left.
 
     Yields a function that reports whether a piece succeeded.
     """
-    began, failed, done = monotonic(), 0, 0
+    began, failed, done, told = monotonic(), 0, 0, monotonic()
     with _bars(TextColumn("{task.completed:.0f}/{task.total:.0f}")) as bars:
         bar = bars.add_task("clips", total=total)
 
         def report(well: bool) -> None:
-            nonlocal failed, done
+            nonlocal failed, done, told
             done, failed = done + 1, failed + (not well)
             rate = done / max(monotonic() - began, 1e-9)
             description = f"{rate:.2f} clips/s, {failed} failed" + (", finishing" if stopping() else "")
             bars.update(bar, completed=done, description=description)
+            if not side.is_terminal and (done == total or monotonic() - told >= LINES):
+                told = monotonic()
+                to_stderr(f"{done}/{total} clips, {description}, {(total - done) / rate:.0f} s left")
 
         yield report

@@ -35,7 +35,7 @@ class SequenceOptions(SolvedOptions, opt.BalancedOptions, opt.RobotOptions):
         """Read trajectories, solve them as one and write it."""
 
         self.require_writable()
-        model = self.load()
+        model = self.load(of=paths[0])
         clips = [rr.load_trajectory(path, model) for path in paths]
         with progress() as begin:
             result = (solve or rr.sequence)(clips, robot=model, balance=self.balance, progress=begin("solve"), **how)
@@ -141,7 +141,7 @@ def stops(
     from robot_retarget.edit.cuts import ways_into_stand
     from robot_retarget.servo.judgement import FOLDER
 
-    model, played = robot.load(on.servos), rr.load_trajectory(source.trajectory)
+    model, played = robot.load(on.servos, source.trajectory), rr.load_trajectory(source.trajectory)
     place, found = source.trajectory.parent / FOLDER, list[dict[str, Any]]()
     with replacing_folder(place) as scratch, progress() as begin:
         begin("ways into a stand")
@@ -173,7 +173,7 @@ def mirror(
     """Exchange left and right. The result is not simulated."""
     from robot_retarget.edit.cuts import mirrored
 
-    model = robot.load()
+    model = robot.load(of=source.trajectory)
     _write(mirrored(rr.load_trajectory(source.trajectory, model), model), to.output, printing)
 
 
@@ -188,7 +188,7 @@ def cut(
     """Keep a part of a trajectory. The result is not simulated."""
     from robot_retarget.edit.cuts import trimmed
 
-    whole = rr.load_trajectory(source.trajectory, robot.load())
+    whole = rr.load_trajectory(source.trajectory, robot.load(of=source.trajectory))
     _write(trimmed(whole, *_span("--trim", trim, 0.0, whole.duration)), to.output, printing)
 
 
@@ -233,7 +233,7 @@ def mend(edited: MendOptions, robot: opt.RobotOptions, frozen: opt.FreezeOptions
     from robot_retarget.solver.solution import unmet_of_user
 
     require_writable(edited.output)
-    model, edits = frozen.of(robot.load()), read_edits(edited.edges)
+    model, edits = frozen.of(robot.load(of=edited.trajectory)), read_edits(edited.edges)
     played, clip = rr.load_trajectory(edited.trajectory, model), edited.read(edited.motion)
     require_source(played, clip, edited.force)
     made, outcomes = apply_edits(graph_of(clip, model, played, edited.map_file), played, edits)

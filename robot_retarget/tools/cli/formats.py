@@ -101,7 +101,7 @@ def export(
     """Write a trajectory in a format that others read."""
     from robot_retarget.edit.cuts import between_stands
 
-    options, model = options_of(columns.joints, written.fps, written.servos), robot.load()
+    options, model = options_of(columns.joints, written.fps, written.servos), robot.load(of=source.trajectory)
     rr.export(
         between_stands(rr.load_trajectory(source.trajectory), model, ends.stand), model, format, to.output, options
     )
@@ -127,7 +127,7 @@ def import_(
     from robot_retarget.formats import import_motion
 
     options = options_of(made.joints, made.fps, made.servos, made.source_fps, made.quaternion, made.scene)
-    trajectory = import_motion(source.file, robot.load(), known.format, options)
+    trajectory = import_motion(source.file, robot.load(of=source.file), known.format, options)
     facts = _noted(trajectory) | {"output": str(to.output), "fps": trajectory.fps}
     trajectory.save(to.output)
     frames = f"{len(trajectory)} frames at {trajectory.fps:g} frames per second"
@@ -152,7 +152,8 @@ def convert(
     """Read a motion in one format and write it in another."""
     from robot_retarget.formats import import_motion
 
-    model, read = robot.load(), options_of(how.joints, None, how.servos, how.source_fps, how.quaternion, how.scene)
+    model = robot.load(of=source.file)
+    read = options_of(how.joints, None, how.servos, how.source_fps, how.quaternion, how.scene)
     trajectory = import_motion(source.file, model, how.source, read)
     facts = _noted(trajectory) | {"output": str(to.output), "format": how.to}
     rr.export(trajectory, model, how.to, to.output, options_of(how.to_joints, how.fps, how.servos))

@@ -1,4 +1,4 @@
-"""`info`: describe a motion or a robot. `doctor`: examine the machine, with a cure for each missing part."""
+"""`info`: describe a motion, a robot or a trajectory. `doctor`: examine the machine, with a cure for each missing part."""
 
 import importlib
 import os
@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import typer
 
@@ -26,23 +27,33 @@ from robot_retarget.tools.cli.run import is_robot_name
 class InfoOptions(opt.SceneFileOptions):
     """The object to describe."""
 
-    file: str | None = argument("A motion, an MJCF file or a robot's name.", default=None)
+    file: str | None = argument("A motion, a trajectory, an MJCF file or a robot's name.", default=None)
     robot: str | None = option("A robot, where its name is also a file's.", "--robot", "-r", default=None)
 
 
 @command(epilog="Example: robot-retarget info dance.bvh")
 def info(subject: InfoOptions, reading: opt.ReadOptions, limits: opt.LimitOptions, printing: opt.PrintOptions) -> None:
-    """Describe a motion or a robot, and its recognised keypoints.
+    """Describe a motion, a robot or a trajectory, with its keypoints.
 
     With a scene: its bodies too, and the parts that touch them.
     """
-    from robot_retarget.tools.summary import describe_motion, describe_robot, describe_scene, describe_terrain
+    from robot_retarget.tools.summary import (
+        describe_motion,
+        describe_robot,
+        describe_scene,
+        describe_terrain,
+        describe_trajectory,
+    )
 
     file, robot = str(subject.file), subject.robot
     if (subject.file is None) == (robot is None):
         raise UsageError("info takes one thing: a motion, an MJCF file, or --robot NAME")
     if robot is not None or is_robot_name(file):
         facts = describe_robot(opt.load(robot or file, limits.limits))
+    elif opt.kind_of(Path(file)) == "trajectory":
+        facts = describe_trajectory(rr.load_trajectory(file))
+        printing.show(facts, lambda _: _show_trajectory(facts, file))
+        return
     else:
         motion = reading.read(Path(file))
         facts = describe_motion(motion)
@@ -53,6 +64,17 @@ def info(subject: InfoOptions, reading: opt.ReadOptions, limits: opt.LimitOption
     printing.show(facts, console.show_robot if facts["kind"] == "robot" else console.show_motion)
     if not facts.get("human", facts.get("humanoid", True)):
         raise typer.Exit(2)
+
+
+def _show_trajectory(facts: dict[str, Any], file: str) -> None:
+    """Print what `describe_trajectory` found."""
+    rate = f"{facts['frames']} frames at {facts['fps']:g} fps ({facts['duration_s']:g} s)"
+    console.say(f"{file}: a trajectory of {facts['source'] or 'an unnamed motion'} on {facts['robot']}: {rate}")
+    goals = "with judged goals" if facts["judged_goals"] else "not simulated"
+    console.say(f"{len(facts['joints'])} joints, balance {facts['balance']}, {goals}")
+    for sentence in facts["notes"]:
+        console.say(f"note: {sentence}")
+    console.say(f"\nnext: robot-retarget view {file}")
 
 
 @command(epilog="Example: robot-retarget doctor --json")

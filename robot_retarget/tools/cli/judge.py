@@ -61,7 +61,7 @@ def simulate(how: SimulateOptions, robot: opt.RobotOptions, printing: opt.PrintO
         require_suffix(page, ".html", "--json prints the report as JSON")
     if how.executed is not None:
         require_suffix(how.executed, ".npz", "`export` writes trajectories in other formats")
-    model, played = robot.load(how.servos), rr.load_trajectory(how.trajectory)
+    model, played = robot.load(how.servos, how.trajectory), rr.load_trajectory(how.trajectory)
     resolved = mode_of(played) if how.policy is None else "free"
     mode = resolved if how.mode == "auto" else how.mode
     where = how.report_file or how.trajectory.with_name(NAMES[mode])
@@ -122,7 +122,9 @@ def warn(warned: WarnedOptions, robot: opt.RobotOptions, printing: opt.PrintOpti
         require_writable(output)
         require_suffix(output, ".csv", "--json prints the events as JSON")
     ahead = WarnOptions(horizon=warned.horizon)
-    found = warnings_of(rr.load_trajectory(warned.trajectory), robot.load(), ahead, planned=warned.planned)
+    found = warnings_of(
+        rr.load_trajectory(warned.trajectory), robot.load(of=warned.trajectory), ahead, planned=warned.planned
+    )
     if output is not None:
         write_csv(found.events, output)
     facts = {
@@ -168,7 +170,7 @@ def score(scored: ScoreOptions, robot: opt.RobotOptions, printing: opt.PrintOpti
 
     if scored.output is not None:
         require_writable(scored.output)
-    model = robot.load()
+    model = robot.load(of=scored.trajectory)
     if scored.policy is not None:
         facts, show = _ranked(scored.policy, scored, model), console.show_followed
     else:

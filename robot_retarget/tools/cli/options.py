@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import robot_retarget as rr
 from robot_retarget.base.choices import Balance, Legs, Preset, Terrain
-from robot_retarget.base.errors import UsageError
+from robot_retarget.base.errors import RobotError, UsageError
 from robot_retarget.base.untrusted.limits import zip_names
 from robot_retarget.tools.cli import console
 from robot_retarget.tools.cli.command import argument, option, options
@@ -28,6 +28,10 @@ TAKEN_BY = {
 """Which command takes a file of a kind."""
 
 
+RESULT = "trajectory.npz"
+"""The trajectory of a folder of results."""
+
+
 def kind_of(path: Path) -> str:
     """A key of `TAKEN_BY`, by the suffix or the names in an archive; empty for what may be several kinds."""
     suffix = path.suffix.lower()
@@ -38,20 +42,24 @@ def kind_of(path: Path) -> str:
 def taking(wanted: str) -> Callable[[Any], Any]:
     """Return the callback of an argument that refuses files of other kinds, and stdin, where one kind is expected.
 
-    A playlist of trajectories (`.toml`) is taken where `playable` is wanted.
+    A folder of results stands for its trajectory. A playlist of trajectories (`.toml`) is taken where `playable` is wanted.
     """
 
-    def taken(given: Any) -> Any:
-        for path in given if isinstance(given, list) else [given]:
-            _require("trajectory" if wanted == "playable" else wanted, path, wanted == "playable")
-        return given
+    def one(path: Path) -> Path:
+        within = path / RESULT
+        path = within if wanted != "motion" and within.is_file() else path
+        _require("trajectory" if wanted == "playable" else wanted, path, wanted == "playable")
+        return path
 
-    return taken
+    return lambda given: [one(path) for path in given] if isinstance(given, list) else one(given)
 
 
 def _require(wanted: str, path: Path, listed: bool) -> None:
     if str(path) == STDIN:
         raise UsageError(f"a {wanted} is read from a file, not from stdin: its name decides how it is read")
+    if wanted == "trajectory" and path.is_dir():
+        inner = sorted(str(each) for each in path.rglob("*.npz"))
+        raise UsageError(f"{path} is a folder without {RESULT}; trajectories in it: {', '.join(inner[:12]) or 'none'}")
     found = kind_of(path)
     if found and found != wanted and not (listed and found == "settings"):
         article = "" if found == "settings" else "a "
@@ -202,11 +210,11 @@ class LimitOptions:
 class RobotOptions(LimitOptions):
     """A robot."""
 
-    robot: str = option(f"{ROBOT}.", "--robot", "-r")
+    robot: str = option(f"{ROBOT}; by default the one that the file names.", "--robot", "-r", default="")
 
-    def load(self, servos: str | None = None) -> "rr.Robot":
-        """Return the robot, with the limits and servos that its model lacks."""
-        return load(self.robot, self.limits, servos)
+    def load(self, servos: str | None = None, of: Path | None = None) -> "rr.Robot":
+        """Return the robot, by default that of a file, with the limits and servos that its model lacks."""
+        return load(self.robot, self.limits, servos) if self.robot or of is None else load_of(of, self.limits, servos)
 
 
 @options
@@ -234,9 +242,9 @@ class DefaultRobotOptions(FreezeOptions, RobotOptions):
 
     robot: str = option(f"{ROBOT}; by default {DEFAULT_ROBOT}.", "--robot", "-r", default="", callback=named_robot)
 
-    def load(self, servos: str | None = None) -> "rr.Robot":
+    def load(self, servos: str | None = None, of: Path | None = None) -> "rr.Robot":
         """Return the robot, with the limits and servos that its model lacks, some joints frozen."""
-        return self.of(super().load(servos))
+        return self.of(super().load(servos, of))
 
 
 @options
@@ -414,6 +422,26 @@ def load(name: str, limits: Path | None = None, servos: str | None = None) -> "r
         models = [str(path) for path in sorted(Path(name).rglob("*")) if path.suffix.lower() in MODELS]
         raise UsageError(f"--robot {name} is a folder; models in it: {', '.join(models[:12]) or 'none'}")
     return rr.load_robot(name, limits, servos)
+
+
+def load_of(file: Path, limits: Path | None = None, servos: str | None = None) -> "rr.Robot":
+    """Return the robot that a file of a robot's motion names, itself or in the JSON file next to it; of a folder, its first file.
+
+    Raises:
+        UsageError: it names none, or one that is not known.
+    """
+    from robot_retarget.formats.source import read_sidecar
+
+    file = next(iter(sorted(file.rglob("*.npz"))), file) if file.is_dir() else file
+    name = rr.load_trajectory(file).robot if kind_of(file) == "trajectory" else (read_sidecar(file) or {}).get("robot")
+    if not name:
+        raise UsageError(
+            f"{file} names no robot: --robot is missing ({ROBOT})" if file.exists() else f"there is no file {file}"
+        )
+    try:
+        return load(name, limits, servos)
+    except RobotError as error:
+        raise UsageError(f"{file} is of the robot {name!r}; --robot takes its model file ({error})") from error
 
 
 def solved(graph: "rr.RobotGraph", how: FollowOptions, progress: "Progress") -> "rr.Result":

@@ -74,7 +74,12 @@ class TransferOptions(KnownOptions):
     """The motion of a robot, and the robot that follows."""
 
     motion: Path = argument("The motion of a robot, in any format that import reads.")
-    source: str = option("The robot that performs it: a name or a model file.", "--from", "-f")
+    source: str = option(
+        "The robot that performs it: a name or a model file; by default the one that the file names.",
+        "--from",
+        "-f",
+        default="",
+    )
     robot: str = option("The robot that follows: a name or a model file.", "--to", "-t", default="")
     source_fps: float | None = option("Frames per second of the motion file; overrides the stored rate.", default=None)
 
@@ -93,10 +98,8 @@ def transfer(
     from robot_retarget.formats import FormatOptions, import_motion
 
     to.require_writable()
-    performer, follower = (
-        opt.load(performed.source),
-        frozen.of(opt.load(opt.named_robot(performed.robot), limits.limits)),
-    )
+    performer = opt.load(performed.source) if performed.source else opt.load_of(performed.motion)
+    follower = frozen.of(opt.load(opt.named_robot(performed.robot), limits.limits))
     read = FormatOptions(source_fps=performed.source_fps)
     trajectory = import_motion(performed.motion, performer, performed.format, read)
     legs, balance = following.legs, following.balance
