@@ -124,7 +124,7 @@ UPRIGHT: tuple[Quaternion, ...] = (
     (0, 1, 0, 0),
 )
 """Turns after which z, ±y, ±x and −z of a model point up."""
-MODEL_FILES = (".xml", ".mjcf", ".urdf")
+MODEL_FILES, XACRO = (".xml", ".mjcf", ".urdf"), ".xacro"
 NO_ROOT = "the model has no root joint: a free joint added, since it has legs"
 LYING = "the model lies in its reference pose: stood up"
 
@@ -252,6 +252,9 @@ def _find(name: str | Path) -> Path:
         if not path.is_file():
             raise RobotError(f"there is no file {path}")
         return path
+    if path.suffix.lower() == XACRO:
+        made = path.with_name(f"{path.name.partition('.')[0]}.urdf")
+        raise RobotError(f"{path} is a template of URDFs; expand it, and give {made}: xacro {path} > {made}")
     return described(str(name), tuple(shipped))
 
 

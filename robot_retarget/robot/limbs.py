@@ -43,6 +43,8 @@ class Chain:
     axes: tuple[Axis, ...]
     end: Floats
     """The middle of the last link's extent. (3,)"""
+    tip: Floats
+    """Points of the last link's extent, without what it holds. (P, 3)"""
 
     @property
     def start(self) -> Floats:
@@ -108,16 +110,24 @@ def _mirrored(links: Links, carrier: int, tails: tuple[list[int], list[int]]) ->
     """Return two chains that mirror each other; each ends in the middle of its extent.
 
     Some models use shapes drawn for one side on both sides. To find such pairs by their hinges, the chains then end at
-    the lateral position of their last links' origins.
+    the lateral position of their last links' origins. A hand that holds something ends where the other one does, mirrored.
     """
     axes = [tuple(links.axes_along(tail)) for tail in tails]
     if len(axes[0]) != len(axes[1]) or len(axes[0]) < 2:
         return None
     origins = np.array([links.origin(tail[-1]) for tail in tails])
-    middles = np.array([box_middle(links.extent(tail[-1])) for tail in tails])
+    tips = [links.extent(tail[-1]) for tail in tails]
+    middles = np.array([box_middle(tip) for tip in tips])
     lateral = _horizontal(origins[0] - origins[1])
-    for ends in (middles, middles - ((middles - origins) @ lateral)[:, None] * lateral):
-        one, other = (Chain(tuple(t), a, end) for t, a, end in zip(tails, axes, ends, strict=True))
+    bare = int(np.linalg.norm(middles[1] - origins[1]) < np.linalg.norm(middles[0] - origins[0]))
+    image = tips[bare] - 2 * ((tips[bare] - origins.mean(axis=0)) @ lateral)[:, None] * lateral
+    freed = [image, tips[1]] if bare else [tips[0], image]
+    for ends, clouds in (
+        (middles, tips),
+        (middles - ((middles - origins) @ lateral)[:, None] * lateral, tips),
+        ([box_middle(cloud) for cloud in freed], freed),
+    ):
+        one, other = (Chain(tuple(t), a, *end) for t, a, *end in zip(tails, axes, ends, clouds, strict=True))
         miss = _miss(one, other)
         if miss < SAME:
             return MirroredLimbs(carrier, (one, other), miss)
@@ -345,7 +355,8 @@ def _to_the_palm(links: Links, chain: Chain, elbow: int) -> Chain:
         palm = chain.links[count - 1]
         if len(links.children[palm]) > 2 or grasps(links, link):
             own = chain.links[:count]
-            return Chain(own, tuple(axis for axis in chain.axes if axis.link in own), box_middle(links.extent(palm)))
+            tip = links.extent(palm)
+            return Chain(own, tuple(axis for axis in chain.axes if axis.link in own), box_middle(tip), tip)
     return chain
 
 
@@ -360,9 +371,10 @@ def _hand(links: Links, chain: Chain, bend: Axis, elbow: Floats) -> Centre:
         wrists = [a for a in wrists if np.linalg.norm(a.anchor - first) < MEETING * whole][:2]
         point = meeting_point(wrists, elbow + limb * ((first - elbow) @ limb))
         return Centre(point, wrists[-1].link, f"wrist of {' and '.join(joint_names(links, wrists))}", SURE)
-    last = chain.links[-1]
-    along = (links.extent(last) - elbow) @ limb
-    return Centre(elbow + limb * HAND_SHARE * along.max(), last, "end of the forearm, no wrist joint", LIKELY)
+    along = (chain.tip - elbow) @ limb
+    return Centre(
+        elbow + limb * HAND_SHARE * along.max(), chain.links[-1], "end of the forearm, no wrist joint", LIKELY
+    )
 
 
 def joint_names(links: Links, axes: list[Axis]) -> list[str]:

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.cache import cache_folder, drop_oldest, is_sound, keeping, private_cache
 from robot_retarget.base.errors import OutputError, RobotError
+from robot_retarget.base.untrusted.limits import one_line
 from robot_retarget.base.untrusted.models import require_bounded_model
 
 # Read a robot's file to a specification: MJCF directly, URDF by MuJoCo's reader; add a missing free joint.
@@ -27,8 +28,18 @@ URDF_READER = {
     "boundinertia": "1e-9",
 }
 """Options of MuJoCo's URDF reader."""
-URDF_NUMBERS = ("mass", "inertia", "origin", "axis", "limit", "box", "sphere", "cylinder", "capsule")
-"""Elements of a URDF whose attributes are numbers."""
+URDF_NUMBERS: dict[str, tuple[str, ...]] = {
+    "mass": ("value",),
+    "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
+    "origin": ("xyz", "rpy"),
+    "axis": ("xyz",),
+    "limit": ("lower", "upper", "effort", "velocity"),
+    "box": ("size",),
+    "sphere": ("radius",),
+    "cylinder": ("radius", "length"),
+    "capsule": ("radius", "length"),
+}
+"""Elements of a URDF with their attributes that are numbers."""
 MESHES = (".stl", ".obj", ".msh")
 """Mesh formats that MuJoCo reads."""
 SHAPES = ("visual", "collision")
@@ -52,7 +63,7 @@ def read_spec(path: Path, freed: Quaternion | None = None) -> mujoco.MjSpec:
     """
     try:
         require_bounded_model(path)
-        spec = urdf_spec(path) if is_urdf(path) else mujoco.MjSpec.from_file(str(path))
+        spec = urdf_spec(path) if is_urdf(path) else mjcf_spec(path)
         for part in (*rods(spec), *scene_pairs(spec)):
             spec.delete(part)
         _join_root(spec)
@@ -122,7 +133,7 @@ def omission_notes(path: Path) -> tuple[str, ...]:
             ],
         }
     else:
-        spec = mujoco.MjSpec.from_file(str(path))
+        spec = mjcf_spec(path)
         omitted = {
             "rods on ball joints left out, with the loops they close": [
                 " to ".join([rod.name, *dict.fromkeys(_loops(spec, rod))]) for rod in rods(spec)
@@ -147,10 +158,20 @@ def is_urdf(path: Path) -> bool:
         return False
 
 
+def mjcf_spec(path: Path) -> mujoco.MjSpec:
+    """Read an MJCF by its content; MuJoCo's reader of files knows the ending `.xml` alone."""
+    if path.suffix.lower() == ".xml":
+        return mujoco.MjSpec.from_file(str(path))
+    parts = {str(file.relative_to(path.parent)): file.read_bytes() for file in list(_documents(path))[1:]}
+    spec = mujoco.MjSpec.from_string(path.read_text(encoding="utf-8"), include=parts)
+    spec.modelfiledir = str(path.parent)  # pyright: ignore[reportAttributeAccessIssue]
+    return spec
+
+
 def urdf_spec(path: Path) -> mujoco.MjSpec:
     """Read a URDF with MuJoCo's reader; find its meshes, omit those that are absent or not readable, and round impossible inertias."""
     tree = ET.parse(path).getroot()
-    _require_numbers(tree)
+    _require_numbers(tree, path)
     for _, inertia, mean in _impossible(tree):
         inertia.attrib.update(dict.fromkeys(MOMENTS, "0") | dict.fromkeys(MOMENTS[::4], str(mean)))
     folder = _compiler(tree).attrib.pop("meshdir", "")
@@ -216,17 +237,20 @@ def set_free(spec: mujoco.MjSpec, turn: Quaternion) -> None:
     body.add_freejoint(name=FREE_JOINT)
 
 
-def _require_numbers(tree: ET.Element) -> None:
+def _require_numbers(tree: ET.Element, path: Path) -> None:
     """Require numbers in a URDF that are finite, limits of joints apart; MuJoCo takes others for 0.
 
     Raises:
-        ValueError: one is not; names the element and the attribute.
+        RobotError: one is not; names the element and the attribute.
     """
-    for element in (one for tag in URDF_NUMBERS for one in tree.iter(tag)):
-        for key, text in element.attrib.items():
-            for number in map(float, text.split()):
-                if math.isnan(number) or (math.isinf(number) and element.tag != "limit"):
-                    raise ValueError(f"{key} of <{element.tag}> is not finite: {text!r}")
+    for element, key in ((one, key) for tag, keys in URDF_NUMBERS.items() for one in tree.iter(tag) for key in keys):
+        text = element.get(key, "0")
+        try:
+            numbers = [float(word) for word in text.split()]
+        except ValueError as error:
+            raise RobotError(f"{path}: {key} of <{element.tag}> is no number: {one_line(text, 40)!r}") from error
+        if any(math.isnan(n) or (math.isinf(n) and element.tag != "limit") for n in numbers):
+            raise RobotError(f"{path}: {key} of <{element.tag}> is not finite: {one_line(text, 40)!r}")
 
 
 def require_finite(model: mujoco.MjModel) -> None:

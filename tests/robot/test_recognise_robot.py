@@ -332,3 +332,32 @@ def without(name: str) -> Callable[[mujoco.MjSpec], None]:
         spec.delete(spec.body(name))
 
     return cut
+
+
+@pytest.mark.parametrize("name", ["op3", "g1_class", "toddler_class"])
+def test_a_sword_in_one_hand_changes_no_keypoint(name: str, tmp_path: Path) -> None:
+    bare = load_robot(name)
+    spec = mujoco.MjSpec.from_file(str(bare.path))
+    hand = spec.body(bare.model.body(recognise(bare).sites["r_hand"].body).name)
+    sword = hand.add_body(name="sword").add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, pos=[0.3, 0, 0], mass=0.2)
+    sword.size, sword.quat = [0.01, 0.3, 0], [0.5**0.5, 0, 0.5**0.5, 0]
+    spec.compile()
+    (tmp_path / "armed.xml").write_text(spec.to_xml())
+    armed, own = recognise(load_robot(tmp_path / "armed.xml")), recognise(bare)
+    assert armed.names == own.names
+    for keypoint in own.names:
+        np.testing.assert_allclose(armed.sites[keypoint].offset, own.sites[keypoint].offset, atol=1e-3)
+
+
+def test_a_lone_link_of_an_arm_is_no_head(tmp_path: Path) -> None:
+    """Arms of one hinge, as those of the Kuavo S30's URDF, are the topmost links of a robot without a head."""
+    spec = mujoco.MjSpec.from_file(str(load_robot("op3").path))
+    for name in ("head_pan_link", "l_sho_roll_link", "r_sho_roll_link"):
+        spec.delete(spec.body(name))
+    for key in list(spec.keys):
+        spec.delete(key)
+    spec.compile()
+    (tmp_path / "armless.xml").write_text(spec.to_xml())
+    robot = load_robot(tmp_path / "armless.xml")
+    head = recognise(robot).sites.get("head")
+    assert head is None or robot.model.body(head.body).name == "body_link"

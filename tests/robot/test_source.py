@@ -169,7 +169,7 @@ URDF = """<robot name="r"><link name="base"/><link name="leg"><inertial><origin 
         (URDF, 'value="1"', 'value="nan"', "value of <mass>"),
         (URDF, 'ixx=".1"', 'ixx="inf"', "ixx of <inertia>"),
         (URDF, 'effort="5"', 'effort="nan"', "effort of <limit>"),
-        (URDF, 'velocity="3"', 'velocity="fast"', "could not convert"),
+        (URDF, 'velocity="3"', 'velocity="fast"', "velocity of <limit> is no number"),
     ],
 )
 def test_a_number_that_is_none_is_refused_and_named(text: str, old: str, new: str, named: str, tmp_path: Path) -> None:
@@ -229,6 +229,28 @@ def test_a_file_that_mujoco_reads_need_not_be_well_formed(tmp_path: Path) -> Non
     path = tmp_path / "r.xml"
     path.write_text(MJCF.replace("<worldbody>", "<!-- <geom/> <!-- nested --> --><worldbody>"))
     assert load_robot(path).joint_names == ("knee",)
+
+
+def test_attributes_of_a_urdf_that_are_no_numbers_are_left_alone(tmp_path: Path) -> None:
+    path = as_urdf(load_robot("op3"), tmp_path / "robot.urdf")
+    path.write_text(path.read_text().replace("<box ", '<box name="left_thigh" '))
+    assert recognise(load_robot(path)).names == recognise(load_robot("op3")).names
+    path.write_text(path.read_text().replace('<box name="left_thigh" size="', '<box size="wide ', 1))
+    with pytest.raises(RobotError, match=r"robot\.urdf: size of <box> is no number: 'wide [^M]*$"):
+        load_robot(path)
+
+
+def test_an_mjcf_is_read_by_its_content_whatever_its_ending(tmp_path: Path) -> None:
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "op3.xml").write_text(load_robot("op3").path.read_text())
+    (tmp_path / "robot.mjcf").write_text('<mujoco><include file="parts/op3.xml"/></mujoco>')
+    assert load_robot(tmp_path / "robot.mjcf").joint_names == load_robot("op3").joint_names
+
+
+def test_a_template_is_refused_with_the_command_that_expands_it(tmp_path: Path) -> None:
+    (tmp_path / "robot.urdf.xacro").write_text("<robot/>")
+    with pytest.raises(RobotError, match=r"xacro .*robot\.urdf\.xacro > .*robot\.urdf$"):
+        load_robot(tmp_path / "robot.urdf.xacro")
 
 
 def test_an_inertia_that_no_body_has_is_replaced_by_its_mean_and_noted(tmp_path: Path) -> None:

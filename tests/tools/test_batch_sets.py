@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from robot_retarget.base.errors import UsageError
 from robot_retarget.tools.batch.manifest import Manifest
 from robot_retarget.tools.batch.pool import run_local
-from robot_retarget.tools.batch.run import find_clips, plan_of
+from robot_retarget.tools.batch.run import find_clips, plan_of, reason
 from robot_retarget.tools.batch.task import Allowance, Job, Settings, Task, robot_of
 from robot_retarget.tools.cli import app
 
@@ -83,6 +83,21 @@ def test_a_changed_skeleton_beside_an_amc_is_seen(tmp_path: Path) -> None:
     run(job, pretend)
     (folder / "02.asf").write_text(":version 1.20\n")
     assert todo(job) == ["02_01"]
+
+
+def test_motion_files_that_are_not_read_are_named_with_what_to_do(clips: Path, tmp_path: Path) -> None:
+    for name, head in (
+        ("a.fbx", b"Kaydara FBX Binary"),
+        ("b.vmd", b"Vocaloid Motion Data 0002"),
+        ("c.mot", b"endheader"),
+    ):
+        (clips / name).write_bytes(head)
+    (clips / "02.asf").write_text(":version 1.10\n")
+    plan = plan_of(job_of(clips, tmp_path / "out"), Manifest(tmp_path / "out"))
+    assert [path.name for path in plan.unread] == ["a.fbx", "b.vmd", "c.mot"]
+    assert "give a.glb" in reason(plan.unread[0])
+    with pytest.raises(UsageError, match=r"no motion files that are read below .*FBX is not read\. Convert it"):
+        find_clips([clips], exclude=("*.bvh", "b*", "c*"))
 
 
 def test_linked_folders_are_followed_once(clips: Path, tmp_path: Path) -> None:

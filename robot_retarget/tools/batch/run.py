@@ -9,8 +9,8 @@ from hashlib import sha256
 from pathlib import Path
 
 from robot_retarget.base.errors import MotionError, OutputError, UsageError
-from robot_retarget.human.capture import FileHeader
-from robot_retarget.human.readers.table import FORMATS, format_of
+from robot_retarget.human.capture import FileHeader, Request
+from robot_retarget.human.readers.table import FORMATS, REFUSED, format_of
 from robot_retarget.robot.model import robot_sha256
 from robot_retarget.tools.batch.manifest import COLUMNS, Manifest
 from robot_retarget.tools.batch.pool import Report, Stopping
@@ -51,7 +51,11 @@ class MotionFile:
 
 
 def find_clips(
-    folders: Iterable[Path], include: tuple[str, ...] = (), exclude: tuple[str, ...] = (), out: Path | None = None
+    folders: Iterable[Path],
+    include: tuple[str, ...] = (),
+    exclude: tuple[str, ...] = (),
+    out: Path | None = None,
+    unread: list[Path] | None = None,
 ) -> list[MotionFile]:
     """All clips below the folders, sorted by name.
 
@@ -61,17 +65,23 @@ def find_clips(
         include: patterns of paths below a folder (`*walk*`); by default every file.
         exclude: patterns of paths to leave out.
         out: the folder of the results, which holds no clips.
+        unread: gets the motion files of known formats that are not read.
 
     Raises:
         UsageError: a folder does not exist, no clip is found, or two clips have one name.
     """
     found: list[tuple[Path, Path]] = []
+    unread = [] if unread is None else unread
     for folder in folders:
         if not folder.exists():
             raise UsageError(f"no folder {folder}")
         files = [folder] if folder.is_file() else sorted(_files_below(folder))
         root = folder.parent if folder.is_file() else folder
-        found += [(root, path) for path in files if _wanted(path, root, include, exclude, out) and _is_motion(path)]
+        wanted = [path for path in files if _wanted(path, root, include, exclude, out)]
+        found += [(root, path) for path in wanted if _is_motion(path)]
+        unread += [path for path in wanted if is_unread(path)]
+    if not found and unread:
+        raise UsageError(f"no motion files that are read below {', '.join(map(str, folders))}: {reason(unread[0])}")
     if not found:
         listed = ", ".join(sorted({suffix for one in FORMATS for suffix in one.suffixes}))
         raise UsageError(f"no motion files below {', '.join(map(str, folders))}; known: {listed}")
@@ -129,6 +139,21 @@ def _is_motion(path: Path) -> bool:
     return first and chosen in FORMATS and not set(KEYS) <= FileHeader(path).arrays and not _describes(path)
 
 
+def is_unread(path: Path) -> bool:
+    """Whether a file holds a motion in a known format that is not read; the skeleton of an AMC holds none."""
+    endings = {ending for one in REFUSED for ending in one.suffixes} - {".asf"}
+    return path.suffix.lower() in endings and format_of(path) in REFUSED
+
+
+def reason(path: Path) -> str:
+    """Return why a motion file is not read, and what to do."""
+    try:
+        format_of(path).read(path, Request())
+    except MotionError as error:
+        return str(error)
+    return ""
+
+
 def _describes(path: Path) -> bool:
     """Whether a JSON file describes the file of the same name without `.json`."""
     return path.suffix.lower() == ".json" and path.with_suffix("").is_file()
@@ -149,6 +174,8 @@ class RunPlan:
     """Of what every clip of the folders is made from, by robot and clip."""
     outdated: int
     """Rows whose clip, robot or settings have changed; they are repeated."""
+    unread: tuple[Path, ...] = ()
+    """Motion files of known formats that are not read."""
 
     @property
     def keys(self) -> set[tuple[str, str]]:
@@ -189,7 +216,8 @@ def plan_of(job: Job, manifest: Manifest) -> RunPlan:
         UsageError: no clip is found, or two robots have one name.
         RobotError: a robot cannot be loaded.
     """
-    clips = find_clips(job.folders, job.include, job.exclude, job.out)
+    unread: list[Path] = []
+    clips = find_clips(job.folders, job.include, job.exclude, job.out, unread)
     _require_distinct_images(clips, job.settings)
     own = {clip.name: clip for k, clip in enumerate(clips) if k in job.shard}
     robots = {robot_of(name, job.settings.limits).name: name for name in job.robots}
@@ -213,7 +241,7 @@ def plan_of(job: Job, manifest: Manifest) -> RunPlan:
                 continue
             tasks.append(replace(task, kept=row) if stays else task)
             outdated += row is not None and row.digest != digest
-    return RunPlan(tuple(tasks), own, digests, outdated)
+    return RunPlan(tuple(tasks), own, digests, outdated, tuple(unread))
 
 
 def perform_all(

@@ -126,7 +126,7 @@ def _run(job: "Job", how: BatchOptions, filters: "list[Filter]") -> "tuple[RunSu
     from robot_retarget.tools.batch.manifest import Manifest, locked_folder
     from robot_retarget.tools.batch.pool import run_local, run_ray
     from robot_retarget.tools.batch.report import pack_all, write_reports
-    from robot_retarget.tools.batch.run import perform_all, plan_of
+    from robot_retarget.tools.batch.run import perform_all, plan_of, reason
     from robot_retarget.tools.cli.console import tally
 
     interrupts = Interrupts()
@@ -134,6 +134,9 @@ def _run(job: "Job", how: BatchOptions, filters: "list[Filter]") -> "tuple[RunSu
         manifest = Manifest(out)
         plan = plan_of(job, manifest)
         console.to_stderr(_plan_line(plan))
+        for kind in sorted({path.suffix.lower() for path in plan.unread}):
+            files = [path for path in plan.unread if path.suffix.lower() == kind]
+            console.note(f"{len(files)} {kind} left out: {reason(files[0])}")
 
         def stopping() -> bool:
             if interrupts.count > 1:

@@ -307,11 +307,11 @@ def require_source(trajectory: "rr.Trajectory", motion: "rr.Motion", force: bool
 def is_robot_name(name: str) -> bool:
     """Return whether a name is that of a model file or a shipped robot, or at least not that of a file or folder."""
     from robot_retarget.robot import shipped_robots
-    from robot_retarget.robot.catalog import MODEL_FILES
+    from robot_retarget.robot.catalog import MODEL_FILES, XACRO
 
     path = Path(name)
     return (
-        path.suffix.lower() in MODEL_FILES
+        path.suffix.lower() in (*MODEL_FILES, XACRO)
         or name.lower() in shipped_robots()
         or (not path.suffix and not path.exists())
     )
