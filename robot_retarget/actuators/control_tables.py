@@ -165,12 +165,12 @@ class Model:
         return {"xl": (60, 140), "x330": (31, 70)}.get(self.table, (95, 160))
 
     @property
-    def layout(self) -> "Layout":
+    def layout(self) -> "BusLayout":
         """Where a player reads and writes at every tick."""
         return _layout(self)
 
 
-class Layout(NamedTuple):
+class BusLayout(NamedTuple):
     """Addresses and sizes [B] of the registers of a tick. All servos of a bus have the same."""
 
     protocol: Literal[1, 2]
@@ -184,7 +184,7 @@ class Layout(NamedTuple):
 
 
 @cache
-def _layout(model: Model) -> Layout:
+def _layout(model: Model) -> BusLayout:
     registers = model.registers
 
     def span(*names: str) -> tuple[int, int]:
@@ -192,7 +192,7 @@ def _layout(model: Model) -> Layout:
         start = min(register.address for register in found)
         return start, max(register.end for register in found) - start
 
-    return Layout(
+    return BusLayout(
         model.protocol,
         span("goal_position"),
         span("present_position", "present_velocity", "present_current", "present_load"),

@@ -129,9 +129,9 @@ class Judge:
             self._hardware(k, self.link.hardware_bits(k))
 
     def _state(self) -> None:
-        if not self.link.torque.all():
+        if not (self.link.torque | self.link.limp).all():
             self.link.read_state(range(len(self.link.ids)))
-            limp = self._names(~self.link.torque)
+            limp = self._names(~self.link.torque & ~self.link.limp)
             raise FaultError(f"torque is off on {limp}: restarted (power), or switched off by another program")
         failed = np.flatnonzero(self.link.hardware)
         if failed.size:
@@ -142,7 +142,7 @@ class Judge:
         raise FaultError(f"{servo.joint} (servo {servo.id}): hardware error: {hardware_errors(bits, servo)}")
 
     def _stuck(self, capped_for: Floats) -> None:
-        stuck = capped_for > STUCK
+        stuck = (capped_for > STUCK) & ~self.link.limp
         if stuck.any():
             raise FaultError(
                 f"{self._names(stuck)} does not follow: {self.limits.jump:g} rad from its goal for {STUCK:g} s "

@@ -133,6 +133,8 @@ class Link:
         """(n,) whether torque is on, as last read or written."""
         self.hardware: Ints = np.zeros(len(self.ids), dtype=np.int64)
         """(n,) `hardware_error_status`, as last read."""
+        self.limp: Bools = np.zeros(len(self.ids), dtype=bool)
+        """(n,) joints that are moved by hand: they get no goals."""
         self.alerted: Ints = np.zeros(len(self.ids), dtype=np.int64)
         """(n,) hardware errors in the last answers."""
         self._clock = clock
@@ -185,14 +187,14 @@ class Link:
         """
         ticks = self.scale.ticks(goal)
         self._table["goal"] = ticks
-        return ServoGoals(ticks, self._goal_frame(self._table))
+        return ServoGoals(ticks, self._goal_frame(self._table[~self.limp]))
 
     def command(self, goal: Floats, which: Bools | None = None) -> None:
         """Send goals [rad] that pass the gate to `which` servos (n,), all by default; other servos keep theirs."""
         ticks, position = self.scale.ticks(np.where(np.isfinite(goal), goal, self.present)), self.position
         self._table["goal"] = ticks
         passed = self.gate.allowed(ticks, position)
-        allowed = self._table[passed if which is None else passed & which]
+        allowed = self._table[~self.limp & (passed if which is None else passed & which)]
         if allowed.size:
             self.bus.send(self._goal_frame(allowed))
 
@@ -202,10 +204,13 @@ class Link:
         Raises:
             FaultError: a goal may not be sent; none is.
         """
-        self.gate.require(goals.ticks, self.position)
+        ticks, position = (np.where(self.limp, self.scale.low, of) for of in (goals.ticks, self.position))
+        self.gate.require(ticks, position)
         self.bus.send(goals.frame + self._questions[self.fast][0].frame)
 
     def _goal_frame(self, table: np.ndarray) -> bytes:
+        if not table.size:
+            return b""
         return self.bus.codec.frame(BROADCAST, Instruction.SYNC_WRITE, self._goals + table.tobytes())
 
     def write_verified(self, goals: ServoGoals, k: int) -> bool:

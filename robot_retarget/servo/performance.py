@@ -106,6 +106,8 @@ class Performance:
         """Interrupts after which a motion went on into a stand."""
         self._heat = ""
         """The heat after which it did."""
+        self.ending = "standing"
+        """How a motion that was asked to stop, or that found a hot servo, ends."""
 
     @property
     def stood(self) -> bool:
@@ -136,9 +138,9 @@ class Performance:
                 self.cycle = Cycle(self.link, self.guard, judge, self.record, self._began, self.options.lockstep)
                 reason = act(self.cycle)
                 if self._heat:
-                    return self._leave(PlaybackEnd.FAULT, f"{self._heat}; standing")
+                    return self._leave(PlaybackEnd.FAULT, f"{self._heat}; {self.ending}")
                 if self._heeded:
-                    return self._leave(PlaybackEnd.INTERRUPTED, "interrupted, standing")
+                    return self._leave(PlaybackEnd.INTERRUPTED, f"interrupted, {self.ending}")
                 return self._leave(PlaybackEnd.FINISHED, reason, self.options.release)
             except PortLostError as error:
                 return self._gone(str(error))

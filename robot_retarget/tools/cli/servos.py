@@ -1,10 +1,11 @@
-"""The group `servos`: emulate, scan, check, calibrate, identify, import."""
+"""The group `servos`: emulate, scan, check, calibrate, record, identify, import."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import robot_retarget as rr
 from robot_retarget.base.errors import ServoError, UsageError
 from robot_retarget.tools.cli import console
 from robot_retarget.tools.cli import options as opt
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from robot_retarget.actuators.map import ServoMap
     from robot_retarget.actuators.motors import Pendulum
     from robot_retarget.servo.emulator.server import WireTiming
+    from robot_retarget.servo.recording import HandTake
 
 servos: typer.Typer = typer.Typer(
     no_args_is_help=True, rich_markup_mode=None, help="Dynamixel servos, real or emulated."
@@ -181,6 +183,69 @@ def calibrate(
     moved = {b.joint: [a.zero, b.zero] for a, b in zip(servo_map.servos, new.servos, strict=True) if a.zero != b.zero}
     lines = [f"{name}: zero {before} -> {now}" for name, (before, now) in moved.items()]
     printing.result({"output": str(to.output), "zeros": moved}, "\n".join([*lines, f"wrote {to.output}"]))
+
+
+@options
+class RecordOptions(BusOptions):
+    """The take."""
+
+    output: Path = option("The trajectory to write (.npz).", *opt.OUT)
+    limp: list[str] | None = option(
+        "Limbs (l_arm, right_leg, head), joints or patterns whose torque is switched off; repeatable. Without it, all.",
+        default=None,
+    )
+    seconds: float | None = option("Duration; without it, until Ctrl-C or the space bar [s].", default=None, min=0.1)
+    countdown: int = option("Time from torque on everywhere to the take [s].", default=3, min=0, max=60)
+    smooth: float | None = option(
+        "Time over which cubics are fitted to the angles; 0 for none, 0.18 by default [s].", default=None, min=0, max=2
+    )
+    robot: str | None = option("The robot's name or model; by default that of the map.", "--robot", "-r", default=None)
+    log: Path = option("The log to write (.npz).", default=Path("record.npz"))
+
+
+@command(
+    group=servos,
+    epilog="Example: robot-retarget servos record --map op3 --port /dev/ttyUSB0 --limp l_arm -o wave.npz",
+)
+def record(how: RecordOptions, printing: opt.PrintOptions) -> None:
+    """Record a motion that a person makes with the robot's joints.
+
+    The other joints hold. 50 poses a second; `simulate` and `play` take the file as any other.
+    """
+    from robot_retarget.base.files import require_writable
+    from robot_retarget.robot import recognise
+    from robot_retarget.robot.anatomy import joints_by_limb
+    from robot_retarget.servo.recording import SMOOTH, limp_joints
+    from robot_retarget.servo.recording import record as perform
+
+    servo_map = how.load()
+    robot = opt.load(how.robot or servo_map.robot, servos=how.map_name)
+    limbs = joints_by_limb(robot, recognise(robot))
+    limp = limp_joints(servo_map, how.limp or servo_map.joints, limbs)
+    for path in (how.output, how.log):
+        require_writable(path)
+    say = (lambda text: None) if printing.json else console.say
+    take, outcome = perform(servo_map, how.port, limp, how.seconds, how.countdown, None, how.log, say)
+    span = SMOOTH if how.smooth is None else how.smooth
+    facts = {"ended": outcome.ended.name.lower(), "state": outcome.state, "reason": outcome.reason}
+    lines = [outcome.sentence]
+    if len(take.angles) > 1:
+        _trajectory(take.smoothed(span), robot, servo_map).save(how.output)
+        facts |= {"output": str(how.output), "poses": len(take.angles), "smoothed_s": span}
+        way = f"each angle is that of a cubic through {span:g} s around it" if span else "not smoothed"
+        lines.append(f"wrote {how.output}: {len(take.angles)} poses, {take.rate:g} a second; {way}")
+    printing.result(facts, "\n".join(lines))
+    raise typer.Exit(outcome.exit_code)
+
+
+def _trajectory(take: "HandTake", robot: "rr.Robot", servo_map: "ServoMap") -> "rr.Trajectory":
+    """Return a take as a trajectory of a robot in its standing place; joints without a servo keep their standing angle."""
+    import numpy as np
+
+    qpos = np.tile(robot.standing(), (len(take.angles), 1))
+    for joint, angles in zip(servo_map.joints, take.angles.T, strict=True):
+        qpos[:, robot.qpos_index[robot.joint_names.index(joint)]] = angles
+    return rr.Trajectory(qpos, take.rate, robot.joint_names, robot.name, "recorded by hand")
 
 
 @options
