@@ -1,4 +1,4 @@
-"""Cut and mirror trajectories; ways between a stand and a trajectory.
+"""Cut and mirror trajectories; ways out of a playback into a stand.
 
 A way into a stand is a branch that comes to rest along the path of a balanced playback and ends in a stand. It is a trajectory of
 its own, with the frames and the goals of the playback up to its moment, and it is judged as any trajectory.
@@ -74,75 +74,6 @@ def _plane(root: Floats, left: Floats) -> tuple[Floats, Floats]:
     """Return a point (3,) and the normal (3,) of the vertical plane of a heading, that of a free joint (7,)."""
     across = Rotation.from_quat(np.array(root[3:]), scalar_first=True).apply(left) * [1, 1, 0]
     return root[:3], across / np.linalg.norm(across)
-
-
-# Ways from and into a stand at both ends of any trajectory, without dynamics.
-
-LENGTHEN = 1.1
-"""Factor by which a way lasts longer until no joint is faster than it may be [-]: the least duration is met within 10 % ..."""
-LONGEST = 10.0
-"""... or until this time [s]: a joint that is too fast in the trajectory is too fast at the end of its way, too."""
-
-
-def between_stands(trajectory: Trajectory, robot: Robot, seconds: float = 1.0) -> Trajectory:
-    """Return a trajectory that begins and ends in the robot's standing pose, without goals.
-
-    With d the tangent from the stand to the first frame, v the velocity there and T the time, u = t / T, the way is
-
-        stand ⊕ [(10 d − 4 v T) u³ + (7 v T − 15 d) u⁴ + (6 d − 3 v T) u⁵],
-
-    the polynomial of minimum jerk that begins at rest and ends at d with v and no acceleration. The way out is its reverse.
-    The stand has its lower foot where the trajectory has it; the height of the lowest point of the soles changes linearly.
-
-    Args:
-        seconds: T [s]; a way lasts longer where a joint would be too fast. 0 returns the trajectory.
-
-    Raises:
-        TrajectoryError: the trajectory belongs to another robot.
-        UsageError: the time is negative or not finite.
-    """
-    require_same_robot(trajectory, robot)
-    if not 0 <= seconds < np.inf:
-        raise UsageError(f"a way from a stand lasts 0 s or more, got {seconds:g}")
-    if seconds == 0:
-        return trajectory
-    before = _way_from_stand(trajectory.qpos, robot, trajectory.fps, seconds)
-    after = _way_from_stand(trajectory.qpos[::-1], robot, trajectory.fps, seconds)[::-1]
-    kept = np.clip(np.arange(-len(before), len(trajectory) + len(after)), 0, len(trajectory) - 1)
-    scene = None if trajectory.scene is None else trajectory.scene.at(kept)
-    qpos, times = np.concatenate([before, trajectory.qpos, after]), trajectory.source_time[kept]
-    return trajectory.altered(qpos=qpos, source_time=times, scene=scene, likeness=trajectory.likeness)
-
-
-def _way_from_stand(path: Floats, robot: Robot, fps: float, seconds: float) -> Floats:
-    """Return the configurations (N, nq) that lead from the stand to the first of a path (T, nq), without that one."""
-    first, second = path[0], path[min(1, len(path) - 1)]
-    stand = np.array(first)
-    stand[robot.qpos_index] = np.clip(robot.standing()[robot.qpos_index], robot.lower, robot.upper)
-    treads = recognise(robot).treads if robot.floating else {}
-    if treads:
-        stand[: robot.qpos_index[0]] = robot.standing()[: robot.qpos_index[0]]
-        stand = placed_by_foot(stand[None], first, robot)[0]
-    change, velocity = difference(robot, stand, first), difference(robot, first, second) * fps
-    while True:
-        count = max(1, round(seconds * fps))
-        u = (np.arange(count) / count)[:, None]
-        shift = velocity * count / fps
-        way = (10 * change - 4 * shift) * u**3 + (7 * shift - 15 * change) * u**4 + (6 * change - 3 * shift) * u**5
-        found = integrate(robot, np.tile(stand, (count, 1)), way)
-        angles = np.concatenate([found, first[None]])[:, robot.qpos_index]
-        if seconds >= LONGEST or (np.abs(np.diff(angles, axis=0)) * fps <= robot.max_speed + 1e-9).all():
-            break
-        seconds *= LENGTHEN
-    found[:, robot.qpos_index] = np.clip(angles[:-1], robot.lower, robot.upper)
-    if treads:
-        heights = [
-            world_points(robot, tread, np.concatenate([found, first[None]]))[:, :, 2] for tread in treads.values()
-        ]
-        lowest = np.concatenate(heights, axis=1).min(axis=1)
-        wanted = lowest[0] + u[:, 0] * (lowest[-1] - lowest[0])
-        found[:, robot.root_address + 2] += wanted - lowest[:-1]
-    return found
 
 
 # Ways into a stand: at moments of a balanced playback, a branch that comes to rest along its path and ends in a stand.

@@ -1,52 +1,24 @@
 """The graph of a touch-up: the trajectory's own pose is the cost, and only the limbs at the ends of the edge move."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-import casadi as ca
 import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats
-from robot_retarget.graph.added import End, body_of
+from robot_retarget.graph.added import FIRM, End, HeldKind, body_of
 from robot_retarget.graph.describe import RobotGraph
-from robot_retarget.graph.kind import AXES, Form, Kind, Role, Track, exact
-from robot_retarget.graph.symbolic_robot import SymbolicRobot
+from robot_retarget.graph.kind import Form, Role, Track
 from robot_retarget.graph.track import FRAME, HARD, SECOND_DIFFERENCE
 from robot_retarget.robot import Robot
 from robot_retarget.robot.anatomy import LIMBS, joints_by_limb
 from robot_retarget.robot.kinematics import carrying, difference, tangent_names
 from robot_retarget.solver.problem import Problem
 
-# The root of a body that is held. Held hinges have a range of one angle.
-
-FIRM = 100 * HARD
-"""π of the root, over the squared leg [-]: a hard edge that ends half a leg out of reach turns it by 0.1°."""
-
-
-@dataclass(frozen=True, eq=False)
-class HeldKind(Kind):
-    """The root: its origin, and points at a leg's length along its axes."""
-
-    name: str = "held"
-    follows_human = False
-
-    def track(self, graph: RobotGraph) -> Track:
-        """Return the coordinates of these points, absent until `fixed` gives them a priority."""
-        ends = [(f"root point {k}", "its place") for k in range(len(_SPREAD)) for _ in AXES]
-        targets = np.zeros((len(graph), len(ends)))
-        return exact(self, ends, targets, 0.0, graph.match.robot_leg, axes=AXES * len(_SPREAD))
-
-    def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
-        """Where the points are [m]."""
-        return ca.vertcat(*(body.point(body.robot.root_body, body.match.robot_leg * each) for each in _SPREAD))
-
-
-_SPREAD = np.vstack([np.zeros(3), np.eye(3)])
-
 
 def with_root(graph: RobotGraph) -> RobotGraph:
     """Return the graph with edges by which the root can be held."""
-    held = (HeldKind().track(graph),) if graph.robot.floating else ()
-    return replace(graph, tracks=(*graph.tracks, *held))
+    root = HeldKind().track(len(graph), graph.match.robot_leg)
+    return replace(graph, tracks=(*graph.tracks, root)) if graph.robot.floating else graph
 
 
 # The limbs that move.

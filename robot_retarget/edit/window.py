@@ -15,7 +15,7 @@ from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solver.descent import FrameSolution
 from robot_retarget.solver.limits import Targets, targets_of
 from robot_retarget.solver.options import Search
-from robot_retarget.solver.solution import Solution
+from robot_retarget.solver.solution import UNMET, Solution
 from robot_retarget.solver.solve import solve_graph
 from robot_retarget.solver.sqp import FrameSolver
 
@@ -25,7 +25,7 @@ a wave is set to 0.2 m from the head for a third of a second, half changes nothi
 to 86 rad/s³, at 14 more frames."""
 FIXED = 2
 """Frames that stay at each end of a window: 2 hold position and velocity."""
-MISSED = 0.01
+MISSED = 10 * UNMET
 """A pose that misses a hard edge by more is sought from other starts, and the report of the edge says why [m]."""
 
 

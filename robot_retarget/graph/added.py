@@ -1,4 +1,4 @@
-"""Edges that a user adds, E⁺: their checks, and the track that holds them."""
+"""Edges that a user adds, E⁺: their checks, and the track that holds them. The root that a touch-up holds."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from robot_retarget.base.arrays import Floats, path_to_root
 from robot_retarget.base.errors import GraphError, known
-from robot_retarget.graph.kind import Kind
+from robot_retarget.graph.kind import AXES, Kind, exact
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
 from robot_retarget.graph.track import HARD, Track, merged
 from robot_retarget.human.match import Match
@@ -50,6 +50,37 @@ class OwnKind(Kind):
         if isinstance(end, tuple) and isinstance(end[0], str):
             return body.point(body.robot.model.body(end[0]).id, np.asarray(end[1], dtype=float))
         return ca.SX(np.asarray(end, dtype=float))
+
+
+# The root of a body that is held. Held hinges have a range of one angle.
+
+FIRM = 100 * HARD
+"""π of the root, over the squared leg [-]: a hard edge that ends half a leg out of reach turns it by 0.1°."""
+
+
+@dataclass(frozen=True, eq=False)
+class HeldKind(Kind):
+    """The root: its origin, and points at a leg's length along its axes."""
+
+    name: str = "held"
+    follows_human = False
+
+    def track(self, frames: int, leg: float) -> Track:
+        """Return the coordinates of these points, absent (π = 0) until the root is held.
+
+        Args:
+            frames: number of frames |T|.
+            leg: length of the robot's leg [m].
+        """
+        ends = [(f"root point {k}", "its place") for k in range(len(_SPREAD)) for _ in AXES]
+        return exact(self, ends, np.zeros((frames, len(ends))), 0.0, leg, axes=AXES * len(_SPREAD))
+
+    def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
+        """Where the points are [m]."""
+        return ca.vertcat(*(body.point(body.robot.root_body, body.match.robot_leg * each) for each in _SPREAD))
+
+
+_SPREAD = np.vstack([np.zeros(3), np.eye(3)])
 
 
 FADE = 0.2

@@ -23,7 +23,7 @@ import numpy as np
 from scipy.stats import spearmanr
 
 import robot_retarget as rr
-from robot_retarget.edit.cuts import between_stands
+from robot_retarget.edit.stands import between_stands
 from robot_retarget.judge.policy_files import read_policy
 from robot_retarget.judge.rollout import Followed, followed
 

@@ -203,7 +203,7 @@ def peak_memory() -> float:
 
 def _made(task: Task) -> dict[str, Any]:
     """The fields of the outcome of a clip that could be done; its files are written."""
-    from robot_retarget.edit.cuts import between_stands
+    from robot_retarget.edit.stands import between_stands
     from robot_retarget.human.motion import part_of
     from robot_retarget.human.read import read_motion
     from robot_retarget.robot import freeze

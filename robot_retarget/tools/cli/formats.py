@@ -99,7 +99,7 @@ def export(
     ] = False,
 ) -> None:
     """Write a trajectory in a format that others read."""
-    from robot_retarget.edit.cuts import between_stands
+    from robot_retarget.edit.stands import between_stands
 
     options, model = options_of(columns.joints, written.fps, written.servos), robot.load(of=source.trajectory)
     rr.export(

@@ -54,7 +54,7 @@ def solve(
     printing: opt.PrintOptions,
 ) -> None:
     """Retarget a motion: the trajectory only. Exit code 1 if a hard edge of --edges is not met."""
-    from robot_retarget.edit.cuts import between_stands
+    from robot_retarget.edit.stands import between_stands
     from robot_retarget.solver.solution import unmet_of_user
 
     to.require_writable()
