@@ -18,6 +18,7 @@ from robot_retarget.judge.feedback import ClosedLoop, closed_loop
 from robot_retarget.judge.plant import Mode, Plant
 from robot_retarget.judge.policy import PolicyLoop
 from robot_retarget.robot.contacts import ContactLog, Contacts
+from robot_retarget.robot.dynamics import root_dofs, velocities
 from robot_retarget.robot.timing import sample, sample_hinges
 from robot_retarget.scene.geoms import scene_geoms
 from robot_retarget.solver.smooth import within_speeds
@@ -112,11 +113,23 @@ class PlayedPlant:
         other.data, other.sent = copy.copy(self.data), self.sent.copy()
         return other
 
-    def place(self, qpos: Floats, on_floor: bool) -> None:
-        """Set the robot to a configuration (nq,), its lowest geom on the floor if desired."""
+    def place(self, qpos: Floats, on_floor: bool, lower: bool = True) -> None:
+        """Set the robot to a configuration (nq,), its lowest geom on the floor if desired.
+
+        Args:
+            lower: whether a robot above the floor is lowered to it.
+        """
         self.data.qpos[:] = self.plant.places.model_qpos(qpos)
         if on_floor:
-            _set_on_floor(self.plant.model, self.data)
+            _set_on_floor(self.plant.model, self.data, 100.0 if lower else 0.0)
+
+    def push(self, velocity: Floats) -> None:
+        """Set the velocity (nv,) of the robot."""
+        plant, robot = self.plant, self.plant.robot
+        self.data.qvel[plant.root_dofs], self.data.qvel[plant.dofs] = (
+            velocity[root_dofs(robot)],
+            velocity[robot.dof_index],
+        )
 
     def carry(self, qpos: Floats) -> None:
         """Set the root to its place in a configuration (nq,), at rest."""
@@ -137,15 +150,15 @@ class PlayedPlant:
         self.plant.step(self.data, count)
 
 
-def _set_on_floor(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Move the root vertically until the lowest geom touches the solid scene."""
+def _set_on_floor(model: mujoco.MjModel, data: mujoco.MjData, far: float) -> None:
+    """Move the root vertically until the lowest geom touches the solid scene, from less than a height above it [m]."""
     mujoco.mj_forward(model, data)
     solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     bodies = np.isin(np.arange(model.ngeom), scene_geoms(model))
     ground = (model.geom_bodyid == 0) | (bodies & (model.body_weldid[model.geom_bodyid] == 0))
     scene = np.flatnonzero(solid & ground & (model.geom_type != mujoco.mjtGeom.mjGEOM_HFIELD)).tolist()
     own = np.flatnonzero(solid & ~ground & ~bodies).tolist()
-    far, ends = 100.0, np.zeros(6)
+    ends = np.zeros(6)
     gaps = [mujoco.mj_geomDistance(model, data, a, b, far, ends) for a in scene for b in own]
     gap = min(gaps, default=far)
     if gap < far:
@@ -209,7 +222,10 @@ def roll_out(
     playback, plant = playback or Playback(), plant.with_own_model()
     goals, free = command or plain_goals(plant, trajectory, playback), mode == "free"
     played, times = PlayedPlant(plant, goals.rate, playback.delay), goals.times
-    played.place(trajectory.qpos[0], on_floor=free)
+    moves = plant.policy is not None and not goals.lead_in
+    played.place(trajectory.qpos[0], on_floor=free, lower=not moves)
+    if moves:
+        played.push(velocities(plant.robot.model, trajectory.qpos[:2], trajectory.fps)[0])
     carried = None if free else sample(trajectory, plant.robot, times)
     loop = closed_loop(plant, goals, playback.seed) if free else None
     if plant.policy is not None:

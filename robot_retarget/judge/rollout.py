@@ -46,6 +46,8 @@ from robot_retarget.scene.scene import Scene
 from robot_retarget.solver.pipeline import Result
 from robot_retarget.trajectory import Trajectory, fingerprint
 
+IN_MOTION = Playback(settle_before=0.0, settle_after=0.0)
+"""Under a policy, a trajectory begins and ends at its own speed: a run would fall from a stand in its first pose."""
 COMPENSATION = 2
 """Duration of the compensation, as the progress counts it: in simulations of the trajectory."""
 SIMULATED = 2 + COMPENSATION
@@ -85,7 +87,8 @@ def simulate(
             the root's accelerations. `free` sets the robot on a floor and leaves it alone.
         drives: the servos; `auto` takes those of the robot's servo map if it has one, None keeps the model's own
             actuators.
-        playback: rate, delay and settling times.
+        playback: rate, delay and settling times; a policy has its own rate and by default no settling: the robot begins with the
+            velocity of the trajectory.
         compensate: send goals that make up for lag, load and speed (`compensate.compensated`) rather than the
             trajectory itself; the report then has the figures of plain playback as well.
         goals: goals to judge in place of these.
@@ -115,7 +118,7 @@ def simulate(
         if mode == "pinned":
             raise UsageError("a policy balances the robot itself: mode 'free'")
         mode, drives, compensate, others, feedback = "free", None, False, False, False
-        playback = replace(playback or Playback(), rate=policy.contract.rate)
+        playback = replace(playback or IN_MOTION, rate=policy.contract.rate)
     mode = mode_of(played) if mode == "auto" else mode
     plant = plant_of(robot, mode, drives, backlash, played.scene, objects)
     plant = plant if policy is None else under_policy(plant, policy)
@@ -301,7 +304,7 @@ def followed(trajectory: Trajectory, robot: Robot, policy: Policy, worlds: int =
         UsageError: as `simulate` with a policy.
     """
     plant = under_policy(plant_of(robot, "free", None, 0.0, trajectory.scene), policy)
-    playback = Playback(rate=policy.contract.rate)
+    playback = replace(IN_MOTION, rate=policy.contract.rate)
     goals = plain_goals(plant, trajectory, playback)
     nominal = roll_out(plant, trajectory, "free", playback, goals)
     others = rollouts(plant, replace(trajectory, goals=goals), drawn_worlds(worlds), playback=playback, command=goals)

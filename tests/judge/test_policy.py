@@ -230,7 +230,7 @@ def test_numpy_layers_give_swish_and_tanh_of_the_normalised_observation(tmp_path
 
 def test_the_verdict_is_that_of_the_policy_and_play_refuses_it(tmp_path: Path) -> None:
     limp = replace(REPEATS, contract=replace(REPEATS.contract, stiffness=np.full(N, 0.01)), name="limp.onnx")
-    assert rr.simulate(SQUAT, OP3, policy=limp, draws=0).figures["fall_s"] is not None
+    assert rr.simulate(hold(OP3, 2.0), OP3, policy=limp, draws=0).figures["fall_s"] is not None
     report = rr.simulate(hold(OP3, 0.5), OP3, policy=REPEATS, draws=2)
     assert report.verdict == "pass" and report.figures["policy"] == "policy" and report.trajectory is not None
     path = report.trajectory.save(tmp_path / "trajectory.npz")
@@ -260,6 +260,19 @@ def test_trajectories_are_ranked_by_the_worlds_in_which_the_controller_falls(tmp
     assert [each.name for each in ranked([down, up])] == ["up", "down"]
     assert up.contract()["worlds"] == 3 and len(up.executed) == len(still)
     np.testing.assert_allclose(up.executed.source_time[[0, -1]], [0, 0.5], atol=0.02)
+
+
+def test_a_trajectory_that_begins_in_motion_is_followed_from_its_own_velocity() -> None:
+    """A robot that is thrown falls along a parabola and turns on, under any policy; one at rest is held by no settling."""
+    still, (across, turn, speed, fps) = hold(OP3, 0.2), (0.7, 1.5, 2.0, 50)
+    time = np.arange(len(still)) / fps
+    qpos = still.qpos.copy()
+    qpos[:, 0], qpos[:, 1], qpos[:, 2] = speed * time, across * time, qpos[0, 2] + 1.0
+    qpos[:, 3], qpos[:, 6] = np.cos(turn * time / 2), np.sin(turn * time / 2)
+    found = followed(replace(still, qpos=qpos), OP3, REPEATS, 0).executed
+    np.testing.assert_allclose(found.qpos[:, :2], qpos[: len(found), :2], atol=0.02)
+    np.testing.assert_allclose(found.qpos[:, 2] - qpos[0, 2], -9.81 / 2 * time[: len(found)] ** 2, atol=0.03)
+    assert 2 * np.arctan2(found.qpos[-1, 6], found.qpos[-1, 3]) == pytest.approx(turn * time[len(found) - 1], abs=0.05)
 
 
 def test_the_damping_of_a_contract_replaces_that_of_joints_whose_servos_have_none() -> None:
