@@ -5,7 +5,7 @@ at its end, d · ℓ away from its start.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import MotionError, known
 from robot_retarget.human.capture import Capture, FileHeader, Request
+from robot_retarget.human.pace import rate_from_gait
 from robot_retarget.human.skeleton import Skeleton, forward
 
 ANGLES = ("rx", "ry", "rz")
@@ -180,7 +181,7 @@ class _Parser:
 # AMC files: the angles of the bones of an ASF skeleton, frame by frame (the format of the CMU library).
 
 FPS = 120.0
-"""Of the CMU library; an AMC says no frame rate [1/s]."""
+"""Of the CMU library, where no gait tells the rate; an AMC says none [1/s]."""
 
 
 def matches_format(header: FileHeader) -> bool:
@@ -205,9 +206,10 @@ def read(path: Path, request: Request) -> Capture:
         turns[:, joint] = _turned(bone, values[bone.name], asf.degrees)
     positions, rotations = forward(skeleton.parents, translations, turns)
     fps, notes = request.rate(usual=FPS)
-    return Capture(
-        skeleton, positions, rotations, fps, str(path), (f"The skeleton is that of {asf_file.name}.", *notes)
-    )
+    capture = Capture(skeleton, positions, rotations, fps, str(path), (f"The skeleton is that of {asf_file.name}.",))
+    walked = rate_from_gait(capture) if request.fps is None else None
+    fps, notes = (walked[0], (walked[1],)) if walked else (fps, notes)
+    return replace(capture, fps=fps, notes=(*capture.notes, *notes))
 
 
 def beside(path: Path) -> tuple[Path, ...]:

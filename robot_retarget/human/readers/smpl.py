@@ -59,7 +59,7 @@ def model_skeleton(path: Path, betas: Floats | None) -> tuple[Skeleton, str]:
 
 
 @dataclass(frozen=True)
-class Layout:
+class BodyLayout:
     """The names under which a program keeps one body over time; of several names the first that is there counts."""
 
     program: str
@@ -89,13 +89,13 @@ class Layout:
 
 TRAM = "pred_rotmat"
 LAYOUTS = (
-    Layout("EDGE", ("smpl_poses",), place=("smpl_trans",), means="pelvis", beside=("full_pose",)),
-    Layout("TRAM", (TRAM,), place=("pred_trans",), shape=("pred_shape",), frames=("frame",), camera=True),
-    Layout("HybrIK", ("pred_thetas",), place=("transl",), means="pelvis", shape=("pred_betas",), flat=True, camera=True),
-    Layout("ROMP", ("smpl_thetas",), place=("cam_trans",), shape=("smpl_betas",), frames=("frame_id",), camera=True),
-    Layout("Multi-HMR", ("rotvec",), place=("transl_pelvis",), means="pelvis", shape=("shape",), camera=True),
-    Layout("VIBE", ("pose",), frames=("frame_ids",), camera=True, beside=("orig_cam",)),
-    Layout(
+    BodyLayout("EDGE", ("smpl_poses",), place=("smpl_trans",), means="pelvis", beside=("full_pose",)),
+    BodyLayout("TRAM", (TRAM,), place=("pred_trans",), shape=("pred_shape",), frames=("frame",), camera=True),
+    BodyLayout("HybrIK", ("pred_thetas",), place=("transl",), means="pelvis", shape=("pred_betas",), flat=True, camera=True),
+    BodyLayout("ROMP", ("smpl_thetas",), place=("cam_trans",), shape=("smpl_betas",), frames=("frame_id",), camera=True),
+    BodyLayout("Multi-HMR", ("rotvec",), place=("transl_pelvis",), means="pelvis", shape=("shape",), camera=True),
+    BodyLayout("VIBE", ("pose",), frames=("frame_ids",), camera=True, beside=("orig_cam",)),
+    BodyLayout(
         "GLAMR",
         root=("smpl_orient_world", "smpl_orient_cam"),
         body=("smpl_pose",),
@@ -104,8 +104,8 @@ LAYOUTS = (
         shape=("smpl_beta",),
         frames=("exist_frames",),
     ),
-    Layout("EasyMocap", root=("Rh",), body=("poses",), place=("Th",), means="origin", shape=("shapes",), frames=("frames",)),
-    Layout(
+    BodyLayout("EasyMocap", root=("Rh",), body=("poses",), place=("Th",), means="origin", shape=("shapes",), frames=("frames",)),
+    BodyLayout(
         "another program",
         ("pose_world", "poses", "pose", "full_pose", "fullpose", "smpl_poses"),
         ("root_orient", "global_orient"),
@@ -197,7 +197,7 @@ def _first(arrays: Mapping[str, Any], keys: tuple[str, ...]) -> tuple[str, Any |
     return next(((key, arrays[key]) for key in keys if key in arrays), ("", None))
 
 
-def _turns(arrays: Mapping[str, Any], layout: Layout, path: Path) -> Floats:
+def _turns(arrays: Mapping[str, Any], layout: BodyLayout, path: Path) -> Floats:
     """(T, 22, 4) w x y z of the joints in their parents, from vectors of rotation or matrices."""
     root_key, root = _first(arrays, layout.root)
     body_key, body = _first(arrays, layout.body)
@@ -240,7 +240,7 @@ def _quaternions(values: Any, least: int, key: str, path: Path) -> Floats:
     return turns.reshape(len(values), least, 4)
 
 
-def _place(arrays: Mapping[str, Any], layout: Layout, frames: int, path: Path) -> tuple[Floats, tuple[str, ...]]:
+def _place(arrays: Mapping[str, Any], layout: BodyLayout, frames: int, path: Path) -> tuple[Floats, tuple[str, ...]]:
     """(T, 3) the place of the body, by the layout's meaning; 0 where the file does not say."""
     key, values = _first(arrays, layout.place)
     if values is None:
@@ -255,7 +255,7 @@ def _place(arrays: Mapping[str, Any], layout: Layout, frames: int, path: Path) -
     return values.astype(float).reshape(frames, 3) / scale.item(), ()
 
 
-def _betas(arrays: Mapping[str, Any], layout: Layout, path: Path) -> Floats | None:
+def _betas(arrays: Mapping[str, Any], layout: BodyLayout, path: Path) -> Floats | None:
     """The shape's parameters (B,), their mean where every frame has its own."""
     key, values = _first(arrays, layout.shape)
     if values is None or np.asarray(values).size == 0:
@@ -266,7 +266,7 @@ def _betas(arrays: Mapping[str, Any], layout: Layout, path: Path) -> Floats | No
     return values.astype(float).reshape(-1, values.shape[-1]).mean(axis=0)
 
 
-def _seen(arrays: Mapping[str, Any], layout: Layout, count: int) -> tuple[Ints, Ints]:
+def _seen(arrays: Mapping[str, Any], layout: BodyLayout, count: int) -> tuple[Ints, Ints]:
     """The rows (N,) that show the person, and their numbers in the video: all rows where the file does not say."""
     rows, (_, values) = np.arange(count), _first(arrays, layout.frames)
     numbers = rows if values is None else np.asarray(values)

@@ -6,16 +6,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shared_files import SHARED, needs_shared
+from shared_files import ROOT, SHARED, needs_shared
 
 import robot_retarget as rr
 from robot_retarget.base.errors import MotionError
 from robot_retarget.base.keypoints import KEYPOINTS
-from robot_retarget.human.capture import Request
+from robot_retarget.human.capture import Capture, Request
+from robot_retarget.human.pace import rate_from_gait
 from robot_retarget.human.read import read_motion
 from robot_retarget.human.readers import amc, bvh
 from robot_retarget.human.readers.bvh import write_bvh
 from robot_retarget.human.recognition import recognise
+from robot_retarget.human.resample import resample
 
 FOLDER = SHARED / "motions" / "other" / "asfamc"
 BVH = SHARED / "motions" / "bvh" / "cmu_cgspeed_motionbuilder" / "02_01_walk.bvh"
@@ -223,3 +225,27 @@ def test_a_motion_without_its_skeleton_says_which_file_is_missing(tmp_path):
         amc.read(path, Request())
     with pytest.raises(MotionError, match="a skeleton without a motion"):
         read_motion(tmp_path / "x.asf")
+
+
+@pytest.mark.parametrize("rate", [30, 60, 120])
+def test_a_walk_tells_at_which_rate_it_was_captured(rate: int):
+    """The rate itself is the oracle: a walk that was captured at 30 frames per second, seen at others."""
+    walk = read_motion(ROOT / "samples" / "walk.bvh")
+    seen = resample(walk, rate)
+    blind = Capture(seen.skeleton, seen.positions, seen.rotations, 77.0, "walk")
+    found = rate_from_gait(blind)
+    assert found is not None and found[0] == rate
+    assert re.search(
+        rf"{rate} frames per second were taken, by its strides of 1\.\d\d m: (0\.9|1\.0) m/s at {rate}", found[1]
+    )
+
+
+def test_a_body_that_stays_in_place_tells_no_rate():
+    wave = read_motion(ROOT / "samples" / "wave.bvh")
+    assert rate_from_gait(Capture(wave.skeleton, wave.positions, wave.rotations, 77.0, "wave")) is None
+
+
+@needs_shared
+def test_a_rate_that_is_given_is_taken_and_one_that_is_not_is_told_by_the_gait():
+    assert any("by its strides of 1.31 m: 1.2 m/s at 120" in note for note in read_motion(FOLDER / "02_01.amc").notes)
+    assert read_motion(FOLDER / "02_01.amc", fps=60).fps == 60
