@@ -93,7 +93,7 @@ def standing(points: Floats, height: Floats, fps: float, rule: ContactRule = JOI
 
 
 def touching_down(points: Floats, height: Floats, fps: float, rule: ContactRule = JOINTS) -> Bools:
-    """Detect when a point is on a surface: near it, and slow in some window of `rule.brief` that holds the frame.
+    """Detect when a point is on a surface: near it, and slow in some window of `ContactRule.brief` that holds the frame.
 
     Arguments and result are those of `standing`, whose frames are fewer: there a foot that lands or leaves is too fast.
     """
@@ -123,7 +123,7 @@ def on_surface(heights: Floats, rule: ContactRule = JOINTS) -> Bools:
 
 
 def without_flicker(stands: Bools, fps: float, rule: ContactRule = JOINTS) -> Bools:
-    """Remove contacts and gaps (T, …) no longer than `rule.shortest`.
+    """Remove contacts and gaps (T, …) no longer than `ContactRule.shortest`.
 
     Args:
         stands: (T, …) whether points are in contact.
@@ -136,7 +136,7 @@ def without_flicker(stands: Bools, fps: float, rule: ContactRule = JOINTS) -> Bo
 
 
 def speed_of(points: Floats, fps: float, rule: ContactRule = JOINTS) -> Floats:
-    """Return the speed (T, …) of points (T, …, 3), averaged over `rule.averaged`.
+    """Return the speed (T, …) of points (T, …, 3), averaged over `ContactRule.averaged`.
 
     Args:
         points: (T, …, 3) [leg lengths].

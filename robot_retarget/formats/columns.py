@@ -163,7 +163,7 @@ def assembled(columns: Columns, robot: Robot, options: FormatOptions, fps: float
     Raises:
         TrajectoryError: columns of the wrong width, names that are not the robot's, a quaternion that is not unit, or a
             file without joint names whose width is not the robot's.
-        UsageError: `options.joints` has another length than the file's columns, or no rate is known.
+        UsageError: `FormatOptions.joints` has another length than the file's columns, or no rate is known.
     """
     rate = next((given for given in (options.source_fps, columns.fps, fps) if given is not None), None)
     if rate is None:

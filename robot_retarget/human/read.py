@@ -26,7 +26,7 @@ def read_motion(
     """Read a human motion, in metres and z up.
 
     Args:
-        path: a file of any format of `formats.table.FORMATS`; `FILE#NAME` is one of several motions in a file.
+        path: a file of any format of `readers.table.FORMATS`; `FILE#NAME` is one of several motions in a file.
 
     Other arguments:
         fps: frames per second, in place of those in the file.

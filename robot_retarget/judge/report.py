@@ -91,7 +91,7 @@ class Report:
     reasons: tuple[str, ...]
     """A sentence for each thing that failed; empty for a pass."""
     figures: Mapping[str, Any]
-    """JSON-able; see `figures.py`."""
+    """JSON-able; see `judge.figures`."""
     trajectory_sha256: str
     """Of the trajectory's file."""
     robot: str
@@ -230,7 +230,7 @@ def build_report(
     """Put the figures together and pass the verdict.
 
     Args:
-        servos: which servos judged, and the tracking errors on all of them (`judges.trial_figures`).
+        servos: which servos judged, and the tracking errors on all of them (`worlds.trial_figures`).
     """
     trajectory, plant, rollout, robot = played.trajectory, played.plant, played.rollout, played.plant.robot
     free = played.mode == "free"

@@ -93,10 +93,10 @@ def simulate(
             trajectory itself; the report then has the figures of plain playback as well.
         goals: goals to judge in place of these.
         others: judge on other servos than the modelled ones too (`judges`), and report the servos with the worst outcome.
-        thresholds: limits of a pass (`thresholds.read_thresholds` reads them from TOML).
+        thresholds: limits of a pass (`verdict.read_thresholds` reads them from TOML).
         warnings: of the trajectory (`collision.warnings_of`), by default those of the result; the report then says
             how they agree with the contacts that happened.
-        draws: in mode `free`, number of drawn simulations (`domain.draws`) if the robot stays up in this one.
+        draws: in mode `free`, number of drawn simulations (`worlds.draws`) if the robot stays up in this one.
         feedback: judge goals together with the balance feedback of the robot's servo map. None does so in mode `free` if the
             map has a sensor and gains.
         backlash: play between every servo and its link, either way [rad]; goals and feedback have no information about it.
@@ -242,7 +242,7 @@ def rollouts(
 
     Args:
         plant: the world as it should be (`plant_of`); each draw alters it.
-        draws: see `domain.draws`.
+        draws: see `worlds.draws`.
         command: goals; by default the trajectory itself.
         threads: at once; by default one for each processor. The physics runs without Python's lock.
         count: of the progress, a step for each world.

@@ -64,7 +64,7 @@ class Robot:
     servo_map: ServoMap | None = None
     """The servos that turn its hinges, if known."""
     whole: "Robot | None" = None
-    """The robot before some of its joints were frozen (`freeze.freeze`), which recognition reads; None is itself."""
+    """The robot before some of its joints were frozen (`override.freeze`), which recognition reads; None is itself."""
     led: Mapping[int, Trajectory] = field(default_factory=dict)
     """Frozen hinges that a trajectory moves instead, by index."""
 

@@ -150,7 +150,7 @@ def follow(
         rate: ticks a second [1/s].
         log: where `play.npz` of the last minute goes; written however it ends.
         say: receives progress messages.
-        clear: self-collision guard of the goals (`servo.guard.Guard.clear`).
+        clear: self-collision guard of the goals (`SelfCollisionGuard.admit`).
         stand: (n,) angles that are approached on Ctrl-C and on the space bar, or when a servo is hot [rad]; None holds.
 
     Raises:

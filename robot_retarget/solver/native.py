@@ -3,7 +3,7 @@
 The C code performs the operations of CasADi's virtual machine in the same order, so results agree to the last bit.
 Without a compiler or a writable cache, the virtual machine evaluates the functions.
 
-A library is loaded into this process, so it is checked first (`cache.py`). A library that fails a check is compiled again.
+A library is loaded into this process, so it is checked first (`base.cache`). A library that fails a check is compiled again.
 
 Building the expressions takes longer than loading their libraries. A file named by the key of the build (`build_key`)
 lists these libraries, so a later process loads them without building.

@@ -81,7 +81,7 @@ class EmulatedMotor:
         self.gear = gear
 
     def step_plant(self, voltage: float, dt: float) -> None:
-        """Step the built-in plant: J ω' = τ(duty) − m g l sin q − d ω − friction (`mechanics.next_speed`)."""
+        """Step the built-in plant: J ω' = τ(duty) − m g l sin q − d ω − friction (`motors.next_speed`)."""
         tick = self.tick
         torque = self.torque(voltage) - self.weight * sin((self.position - self.hanging) * tick / self.gear)
         drag = self.model.motor.back_emf + self.damping

@@ -160,7 +160,7 @@ def _describes(path: Path) -> bool:
 
 
 Engine = Callable[[Sequence[Task], Allowance, Report, Stopping], None]
-"""Performs tasks and reports each outcome: `pool.run_local`, `cluster.run_ray`."""
+"""Performs tasks and reports each outcome: `pool.run_local`, `pool.run_ray`."""
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ class Settings:
     legs: Legs = "auto"
     balance: Balance = "off"
     frames: str | None = None
-    """The part of every clip that is used, `START:STOP` (`motion.span.part_of`)."""
+    """The part of every clip that is used, `START:STOP` (`human.motion.part_of`)."""
     up: str | None = None
     repair: bool = True
     formats: tuple[str, ...] = ()
