@@ -15,6 +15,7 @@ from robot_retarget.base.files import MODELS, write_text
 from robot_retarget.base.pages import card, data_frame
 from robot_retarget.base.untrusted.documents import FORMAT_VERSION, SEAL, content_sha256, read_json, sealed
 from robot_retarget.collision import Warnings
+from robot_retarget.judge.cures import Cure, Origin
 from robot_retarget.judge.feedback import feedback_figures
 from robot_retarget.judge.figures import (
     Tracking,
@@ -116,15 +117,19 @@ class Report:
     """The trajectory of `trajectory_sha256`, with the judged goals, to be played."""
     executed: Trajectory | None = None
     """The motion as simulated, at the frames of the trajectory."""
+    origin: Origin | None = None
+    """Files and commands that its cures name; by default the robot and the trajectory's source."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "reasons", tuple(self.reasons))
         object.__setattr__(self, "series", {name: frozen(values) for name, values in self.series.items()})
 
     @property
-    def cures(self) -> tuple[str, ...]:
-        """What helps against the reasons, a sentence each."""
-        return cures(self.figures, self.thresholds)
+    def cures(self) -> tuple[Cure, ...]:
+        """What helps against each reason and each difference from the human, in their order, as commands."""
+        source = self.trajectory.source if self.trajectory is not None else ""
+        own = Origin(robot=self.model or self.robot, motion=source or Origin.motion)
+        return cures(self.figures, self.thresholds, self.origin or own)
 
     @property
     def badge(self) -> Badge:
@@ -191,7 +196,7 @@ class Report:
                 "mode": self.figures["mode"],
                 "thresholds": self.thresholds.changed,
                 "model": self.model,
-                "cures": list(self.cures),
+                "cures": [cure._asdict() for cure in self.cures],
             }
         )
 
@@ -240,6 +245,7 @@ def build_report(
     until = fall.get("fall_s")
     figures: dict[str, Any] = {
         "mode": played.mode,
+        "balance": trajectory.balance,
         "backlash_rad": plant.backlash,
         "frames": len(trajectory),
         "fps": round(trajectory.fps, 4),

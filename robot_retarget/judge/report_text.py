@@ -80,6 +80,15 @@ def headline(report: Report) -> str:
     return f"{came}{close}{_pace(figures)}{_likeness(figures)}."
 
 
+def cured(report: Report) -> list[tuple[list[str], str, str]]:
+    """Return reasons and differences with what helps and its command; those that one command helps stand together."""
+    known = {cure.reason: (cure.what, cure.command) for cure in report.cures}
+    groups: dict[tuple[str, str], list[str]] = {}
+    for reason in (*report.reasons, *report.unlike):
+        groups.setdefault(known.get(reason, ("", "")), []).append(reason)
+    return [(reasons, what, command) for (what, command), reasons in groups.items()]
+
+
 def judged_lines(report: Report) -> list[Line]:
     """Return every judged figure with its limit."""
     figures = compared_figures(report.figures)

@@ -9,9 +9,10 @@ from robot_retarget.actuators.goals import TRACKING_RMS
 from robot_retarget.base.errors import LISTED, UsageError, known
 from robot_retarget.base.untrusted.documents import read_toml
 from robot_retarget.judge.bodies import dropped
+from robot_retarget.judge.cures import Cure, Failing, Origin, cure_of
 from robot_retarget.judge.stance import missed_steps
 from robot_retarget.scores.figure import Check, shown
-from robot_retarget.scores.likeness import UNLIKE, Alike, compared_figures
+from robot_retarget.scores.likeness import UNLIKE, Alike, compared_figures, differences
 from robot_retarget.scores.subject import OVERLAP
 
 # Limits of a pass: one table, which a TOML file can override line by line.
@@ -82,18 +83,6 @@ CHECKS = (
     Check("range_excess", "range_excess_rad", "beyond a joint's range, planned", "rad",
           "{range_excess_joint} leaves its range by {value}"),
 )  # fmt: skip
-CURES = {
-    "tracking_rms": "slow the clip (--fps, edit retime), or use stronger servos in the map",
-    "speed_ratio": "slow the clip, leave the quick move out (--frames), or use --balance static, which slows the motion",
-    "saturated_share": "a lighter pose, a slower clip, or stronger servos in the map",
-    "temperature_rise": "pause between repetitions, or cut the clip (--frames)",
-    "penetration": "the near pairs in the viewer name where links touch, and when: add an edge that keeps them apart (--edges), or mend the clip there (view)",
-    "foot_slip": "the step is too long or too fast: slow the clip, or keep both feet in place (--legs stand)",
-    "body_contacts_lost": "slow the clip, or place the body where the robot reaches it (--scene-scale)",
-    "fallen_share": "keep both feet in place (--legs stand), use --balance static, or a slower or shorter part of the clip",
-    "range_excess": "check the ranges of the model and of limits.toml",
-}
-"""What helps against a figure beyond its threshold."""
 OVERLAPS = ("penetration", "between_frames", "tracked_penetration")
 """Thresholds of overlaps, whose sentences name pairs of links (`verdict.judge`)."""
 FROM_STANDING = ("foot_slip", "fallen_share")
@@ -189,9 +178,17 @@ def judge(figures: Mapping[str, Any], most: Thresholds) -> tuple[str, ...]:
     return tuple(reason for reason, _ in _findings(figures, most))
 
 
-def cures(figures: Mapping[str, Any], most: Thresholds) -> tuple[str, ...]:
-    """Return what helps against the reasons, a sentence each."""
-    return tuple(dict.fromkeys(cure for _, cure in _findings(figures, most)))
+def cures(figures: Mapping[str, Any], most: Thresholds, origin: Origin | None = None) -> tuple[Cure, ...]:
+    """Return what helps against each reason and each difference from the human, in their order.
+
+    Args:
+        origin: files and commands that the cures name; by default placeholders.
+    """
+    failing, found = (
+        Failing(figures, most, origin or Origin()),
+        [*_findings(figures, most), *differences(figures, most)],
+    )
+    return tuple(cure_of(reason, kind, failing) for reason, kind in found)
 
 
 def at_edge(figures: Mapping[str, Any], most: Thresholds) -> bool:
@@ -212,31 +209,34 @@ def near_limits(figures: Mapping[str, Any], most: Thresholds) -> list[str]:
 
 
 def _findings(figures: Mapping[str, Any], most: Thresholds) -> list[tuple[str, str]]:
-    """Return each reason against a trajectory with what helps against it."""
+    """Return each reason against a trajectory with its kind, a key of `cures.CURES`."""
     skipped = OVERLAPS if figures.get("fall_s") is None else (*OVERLAPS, *FROM_STANDING)
     over = [check for check in CHECKS if check.threshold not in skipped and check.exceeded(figures, most)]
     return [
         *_upright(figures),
         *_feedback(figures),
-        *((check.reason(figures, most), CURES[check.threshold]) for check in over),
-        *((reason, "slow the clip, or raise `jump` in the servo map") for reason in _goal_step(figures)),
-        *((reason, "lighter objects, or a grasp of both hands") for reason in dropped(figures)),
-        *((reason, "a slower or shorter part of the clip") for reason in missed_steps(figures)),
-        *((reason, CURES["penetration"]) for reason in _links(figures, most)),
+        *((check.reason(figures, most), check.threshold) for check in over),
+        *((reason, "goal_step") for reason in _goal_step(figures)),
+        *((reason, "dropped") for reason in dropped(figures)),
+        *((reason, "missed_step") for reason in missed_steps(figures)),
+        *_links(figures, most),
     ]
 
 
-def _links(figures: Mapping[str, Any], most: Thresholds) -> list[str]:
+def _links(figures: Mapping[str, Any], most: Thresholds) -> list[tuple[str, str]]:
     """Links inside each other: at the frames, between them, and on the servos of a robot that stays up."""
-    reasons = _overlaps(figures["self_contacts"], most.penetration, "overlap")
+    deep = _overlaps(figures["self_contacts"], most.penetration, "overlap")
+    reasons = [(reason, "penetration") for reason in deep]
     if figures["between_frames_depth_m"] > max(most.between_frames, figures["self_contact_depth_m"]):
         depth, when = 1000 * figures["between_frames_depth_m"], figures["between_frames_s"]
         pair = " and ".join(figures["between_frames_bodies"])
-        reasons.append(f"{pair} pass through each other by {depth:.1f} mm between two frames, at {when:g} s")
+        passing = f"{pair} pass through each other by {depth:.1f} mm between two frames, at {when:g} s"
+        reasons.append((passing, "between_frames"))
     if figures.get("fall_s") is None:
         planned = [line["bodies"] for line in figures["self_contacts"] if line["depth_m"] > most.penetration]
         hits = [line for line in figures["tracked_self_contacts"] if line["bodies"] not in planned]
-        reasons += _overlaps(hits, most.tracked_penetration, "hit each other on the servos, overlapping")
+        hit = _overlaps(hits, most.tracked_penetration, "hit each other on the servos, overlapping")
+        reasons += [(reason, "tracked_penetration") for reason in hit]
     return reasons
 
 
@@ -245,16 +245,16 @@ def _upright(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
     reasons = []
     if figures["unstable_s"] is not None:
         broke = f"the simulation broke down at {figures['unstable_s']:g} s"
-        reasons.append((broke, "check masses, inertias and gains of the model"))
+        reasons.append((broke, "unstable"))
     if figures.get("fall_s") is not None:
         when = f"at {figures['fall_s']:g} s" if figures["fall_s"] >= 0 else "in the first pose, before it began to move"
         body = figures["fall_body"]
         fell = f"fell: {f'{body} touched the floor' if body else 'sank to half its height'} {when}"
-        reasons.append((fell, CURES["fallen_share"]))
+        reasons.append((fell, "fell"))
         stiffness, gravity = figures.get("ankle_stiffness_Nm_rad", 0.0), figures.get("tipping_stiffness_Nm_rad", 0.0)
         if stiffness < gravity:
             soft = f"its ankles are too soft to stand on: {stiffness:g} N m/rad, and gravity tips it over with {gravity:g} N m/rad"
-            reasons.append((soft, "stiffer position gains of the model, or a servo map with `[imu]` and `[balance]`"))
+            reasons.append((soft, "soft"))
     return reasons
 
 
@@ -285,8 +285,8 @@ def _feedback(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
         joint, frequency = figures["feedback_oscillation_joint"], figures["feedback_oscillation_Hz"]
         size = figures["feedback_oscillation_rad"]
         swings = f"the feedback oscillates: {joint} swings by {shown(size, 'rad')} at {frequency:g} Hz"
-        reasons.append((swings, "lower the gains of `[balance]`, or simulate with --no-feedback"))
+        reasons.append((swings, "oscillates"))
     if figures.get("feedback_stopped_s") is not None:
         gave_up = f"the feedback gave up on a lean and crouched at {figures['feedback_stopped_s']:g} s"
-        reasons.append((gave_up, "slow the clip, or raise `stop_roll` and `stop_pitch` of `[balance]`"))
+        reasons.append((gave_up, "gave_up"))
     return reasons

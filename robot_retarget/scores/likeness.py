@@ -381,12 +381,17 @@ TRAVEL = ("path_off", "heading_off", "steps_lost")
 
 def unlikeness(figures: Mapping[str, Any], most: Alike) -> tuple[str, ...]:
     """Return the differences from the human's motion that exceed their limits, a sentence each."""
+    return tuple(sentence for sentence, _ in differences(figures, most))
+
+
+def differences(figures: Mapping[str, Any], most: Alike) -> list[tuple[str, str]]:
+    """Return each difference from the human's motion beyond its limit, with its threshold."""
     figures = compared_figures(figures)
     over = [check for check in UNLIKE if check.exceeded(figures, most)]
     stands = figures.get("legs") == "instead" and any(check.threshold in TRAVEL for check in over)
-    sentences = [stands_in_place(figures)] if stands else []
     own = [check for check in over if not (stands and check.threshold in TRAVEL)]
-    return (*sentences, *(check.reason(figures, most) for check in own))
+    in_place = [(stands_in_place(figures), TRAVEL[0])] if stands else []
+    return [*in_place, *((check.reason(figures, most), check.threshold) for check in own)]
 
 
 def compared_figures(figures: Mapping[str, Any]) -> dict[str, Any]:

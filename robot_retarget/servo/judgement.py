@@ -58,13 +58,19 @@ def require_judged(
     if why is None:
         return float(content["thresholds"].get("tracking_rms", {}).get("value", TRACKING_RMS))
     if content.get("verdict") == "fail" and why.startswith(FAILED):
-        listed = content.get("cures")
-        helps = f"; what helps: {'; '.join(map(str, listed))}" if isinstance(listed, list) and listed else ""
-        raise ServoError(f"{why}{helps}; then solve and simulate it again")
+        raise ServoError(f"{why}{_helping(content)}")
     robot = content.get("model") or trajectory.robot
     command = ["robot-retarget", "simulate", path, "--robot", robot, "--mode", mode]
     command += ["--servos", servos, *(["--report", report] if report is not None else [])]
     raise ServoError(f"{why}; judge it again: {shlex.join(map(str, command))}")
+
+
+def _helping(content: dict[str, Any]) -> str:
+    """Return what helps against the reasons of a report, once each."""
+    listed = content.get("cures")
+    cures = [cure for cure in listed if isinstance(cure, dict)] if isinstance(listed, list) else []
+    told = dict.fromkeys(f"{cure.get('what')}: {cure.get('command')}" for cure in cures)
+    return f"; what helps: {'; '.join(told)}" if told else ""
 
 
 def _beside(path: Path, mode: str) -> Path:

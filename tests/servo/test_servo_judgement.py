@@ -145,8 +145,15 @@ def test_the_cure_names_the_robot_as_it_was_given(tmp_path: Path) -> None:
 
 
 def test_a_failed_trajectory_is_refused_with_what_helps_and_not_sent_to_fail_again(tmp_path: Path) -> None:
-    path = passing(tmp_path, verdict="fail", reasons=["fell: j1 touched the floor"], cures=["keep both feet in place"])
-    with pytest.raises(ServoError, match=r"did not pass: fell: j1 .*what helps: keep both feet in place") as error:
+    path = passing(
+        tmp_path,
+        verdict="fail",
+        reasons=["fell: j1 touched the floor"],
+        cures=[{"what": "keep both feet in place", "command": "robot-retarget run a.bvh --legs stand"}],
+    )
+    with pytest.raises(
+        ServoError, match=r"did not pass: fell: j1 .*what helps: keep both feet in place: robot-retarget run"
+    ) as error:
         require_judged(path, load_trajectory(path), ARM, "arm.toml")
     assert "robot-retarget simulate" not in str(error.value)
 

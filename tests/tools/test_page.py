@@ -104,7 +104,9 @@ def test_the_verdict_comes_first_and_every_reason_is_there(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     assert text.index('class="badge">fail') < text.index("limits kept")
     assert "overlap by up to" in text and "✗" in text
-    assert "What helps: the near pairs in the viewer name where links touch" in text[: text.index("limits kept")]
+    assert (
+        "What helps: solve it again within ranges and with its links apart<code>" in text[: text.index("limits kept")]
+    )
     drawn = re.findall(r'<svg[^>]*id="([\w-]+)"', text)
     assert drawn[6:] == ["errors", "torques", "balance", "margin", "timeline"]
     assert all(name.startswith("tracking-") for name in drawn[:6])

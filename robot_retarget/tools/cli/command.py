@@ -7,7 +7,7 @@ import signal
 import sys
 import traceback
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from functools import wraps
@@ -89,6 +89,26 @@ def _expanded(parameter: Parameter, hints: dict[str, Any]) -> Iterator[Parameter
         yield Parameter(each.name, Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
 
 
+_line: list[str] = []
+"""The words of the command line, from the command's name on."""
+
+
+def line_without(valued: Sequence[str], flags: Sequence[str]) -> list[str]:
+    """Return the words of the command line, from the command's name on, without some of them.
+
+    Args:
+        valued: options that are left out with their values.
+        flags: other words that are left out.
+    """
+    kept, words = list[str](), iter(_line)
+    for word in words:
+        if word in valued:
+            next(words, None)
+        elif word not in flags and word.partition("=")[0] not in valued:
+            kept.append(word)
+    return kept
+
+
 MISTAKE = 2
 """Exit code of bad input."""
 DEFECT = 70
@@ -130,6 +150,7 @@ class Interruptible(TyperGroup):
         """Find a command; one of a group that is named without its group gets the whole name."""
         from robot_retarget.tools.cli.options import TAKEN_BY, kind_of
 
+        _line[:] = args
         if args[0] not in self.commands and Path(args[0]).is_file():
             taken = TAKEN_BY.get(kind_of(Path(args[0])), "robot-retarget info {0} says what it is").format(args[0])
             raise UsageError(f"{args[0]} is a file, not a command; {taken}")

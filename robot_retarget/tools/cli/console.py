@@ -178,15 +178,16 @@ def show_graph(facts: dict[str, Any]) -> None:
 
 def show_report(report: "Report") -> None:
     """Print a report: verdict, reasons, limits and other figures."""
-    from robot_retarget.judge.report_text import facts, headline, judged_lines
+    from robot_retarget.judge.report_text import cured, facts, headline, judged_lines
 
     colour = {"pass": "green", "fail": "red"}.get(report.badge.level, "yellow")
     out.print(f"\nverdict: [bold {colour}]{report.badge.text}[/]", markup=True)
     say(headline(report))
-    for reason in (*report.reasons, *report.unlike):
-        say(f"  {reason}")
-    for cure in report.cures:
-        say(f"  what helps: {cure}")
+    for reasons, what, command in cured(report):
+        for reason in reasons:
+            say(f"  {reason}")
+        if command:
+            out.print(f"    what helps: {what}\n      {command}", soft_wrap=True)
     lines = judged_lines(report)
     broken = [line[1:] for line in lines if not line.held]
     if broken:

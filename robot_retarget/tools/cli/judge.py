@@ -1,7 +1,9 @@
 """`simulate`: a trajectory on simulated servos, and a verdict."""
 
+import shlex
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
@@ -9,10 +11,13 @@ import robot_retarget as rr
 from robot_retarget.base.choices import Stand
 from robot_retarget.tools.cli import console
 from robot_retarget.tools.cli import options as opt
-from robot_retarget.tools.cli.command import argument, command, option, options
+from robot_retarget.tools.cli.command import argument, command, line_without, option, options
 from robot_retarget.tools.cli.console import progress
 from robot_retarget.tools.cli.formats import ColumnOptions, KnownOptions, options_of
 from robot_retarget.tools.cli.run import save_judged, write_page
+
+if TYPE_CHECKING:
+    from robot_retarget.judge.cures import Origin
 
 
 @options
@@ -84,6 +89,7 @@ def simulate(how: SimulateOptions, robot: opt.RobotOptions, printing: opt.PrintO
             policy=how.policy,
             progress=begin("simulate"),
         )
+    report = replace(report, origin=_origin(how.trajectory, robot.robot, played))
     if how.store:
         save_judged(report, how.trajectory, where)
     if how.executed is not None and report.executed is not None:
@@ -92,6 +98,18 @@ def simulate(how: SimulateOptions, robot: opt.RobotOptions, printing: opt.PrintO
         write_page(report, report.trajectory or played, warnings, page, film=loop(model, played))
     printing.show(report.contract(), lambda _: console.show_report(report))
     raise typer.Exit(0 if report.verdict == "pass" else 1)
+
+
+WRITTEN = ("--report", "--executed", "--page")
+"""Options of `simulate` that name files to write."""
+
+
+def _origin(path: Path, robot: str, trajectory: "rr.Trajectory") -> "Origin":
+    """Return the files and commands of a simulation, as the cures of its report name them."""
+    from robot_retarget.judge.cures import Origin
+
+    words = line_without(WRITTEN, ("simulate", str(path), "--json", "--quiet", "-q", "--no-store"))
+    return Origin(str(path), robot, trajectory.source or Origin.motion, judge=shlex.join(words))
 
 
 # `warn`: collisions foreseen.

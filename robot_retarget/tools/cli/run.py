@@ -1,8 +1,9 @@
 """`run` and `demo`: everything from a motion to a judged trajectory with its report."""
 
+import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from shutil import copyfile, rmtree
 from typing import TYPE_CHECKING
@@ -14,7 +15,7 @@ from robot_retarget.base.errors import UsageError
 from robot_retarget.base.files import made_folder, replacing, write_text
 from robot_retarget.tools.cli import console
 from robot_retarget.tools.cli import options as opt
-from robot_retarget.tools.cli.command import NOTHING, command, option, options
+from robot_retarget.tools.cli.command import NOTHING, command, line_without, option, options
 from robot_retarget.tools.cli.console import progress
 
 # The stages behind the commands: from files to files, with messages on the terminal.
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from robot_retarget.base.choices import Stand
     from robot_retarget.base.progress import Progress
     from robot_retarget.collision import Warnings
+    from robot_retarget.judge.cures import Origin
     from robot_retarget.servo.outcome import PlaybackOutcome
     from robot_retarget.tools.view.film import AnimatedWebP, Film
     from robot_retarget.tools.view.picture import Picture, Unavailable
@@ -167,7 +169,7 @@ def fill_folder(
         if not printing.json:
             console.show_solution(found)
         say(f"look at it while it is judged: {filled.show(viewer.name)}")
-        report, warnings = _tried(result, target, how, begin("simulate"))
+        report, warnings = _tried(result, target, how, _origin(out, robot), begin("simulate"))
         view(result, report=report).save(viewer)
         if not printing.json:
             console.show_report(report)
@@ -188,14 +190,25 @@ def fill_folder(
     return report.verdict
 
 
+def _origin(out: Path, robot: "rr.Robot") -> "Origin":
+    """Return the files and commands of a run, as the cures of its report name them."""
+    from robot_retarget.judge.cures import PROGRAM, Origin
+    from robot_retarget.robot import shipped_robots
+
+    name = robot.name if robot.name in shipped_robots() else str(robot.path)
+    line = line_without(opt.OUT, ("--json", "--quiet", "-q", "--video", "--no-video"))
+    return Origin(str(out / "trajectory.npz"), name, run=shlex.join([PROGRAM, *line]))
+
+
 def _tried(
-    result: "rr.Result", target: Path, how: opt.JudgeOptions, progress: "Progress"
+    result: "rr.Result", target: Path, how: opt.JudgeOptions, origin: "Origin", progress: "Progress"
 ) -> tuple["rr.Report", "Warnings | None"]:
     """In simulation: `trajectory.npz` with its goals, `report.json` and, of more than one frame, `warnings.csv`."""
     from robot_retarget.collision import write_csv
 
     warnings = result.warnings if len(result.trajectory) > 1 else None
     report = rr.simulate(result, warnings=warnings, draws=how.draws, feedback=how.feedback, progress=progress)
+    report = replace(report, origin=origin)
     save_judged(report, target / "trajectory.npz", target / "report.json")
     if warnings is not None:
         write_csv(warnings.events, target / "warnings.csv")

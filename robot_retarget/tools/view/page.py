@@ -13,7 +13,7 @@ from robot_retarget.base.files import write_text
 from robot_retarget.base.pages import rendered
 from robot_retarget.collision import Warnings
 from robot_retarget.judge.report import Report
-from robot_retarget.judge.report_text import facts, headline, judged_lines
+from robot_retarget.judge.report_text import cured, facts, headline, judged_lines
 from robot_retarget.scores.figure import shown
 from robot_retarget.tools.view import charts
 from robot_retarget.tools.view.film import AnimatedWebP
@@ -63,8 +63,7 @@ def save_page(
         report=report,
         motion=played.source or "a trajectory",
         headline=headline(report),
-        reasons=(*report.reasons, *report.unlike),
-        advice=[f"What helps: {cure}." for cure in report.cures],
+        cures=cured(report),
         **_film(film),
         lines=lines,
         broken=broken,
