@@ -108,6 +108,20 @@ def joints_by_limb(robot: Robot, anatomy: Anatomy) -> dict[str, tuple[str, ...]]
     return {limb: tuple(np.array(robot.joint_names)[which].tolist()) for limb, which in below.items() if which.any()}
 
 
+def positive_senses(robot: Robot) -> dict[str, str]:
+    """Return where each joint's positive sense moves the middle of what it carries, in words; the robot stands and faces +x."""
+    data, found = mujoco.MjData(robot.model), {}
+    data.qpos[:] = robot.standing()
+    mujoco.mj_forward(robot.model, data)
+    for name, joint in zip(robot.joint_names, robot.joint_ids, strict=True):
+        arm = data.subtree_com[robot.model.jnt_bodyid[joint]] - data.xanchor[joint]
+        way = np.cross(data.xaxis[joint], arm)
+        k = int(np.abs(way).argmax())
+        words = (("backward", "forward"), ("right", "left"), ("down", "up"))[k]
+        found[name] = words[int(way[k] > 0)] if np.abs(way[k]) > 1e-3 else "around its axis"
+    return found
+
+
 # Left and right of a robot: points made symmetric, and the counterpart of every hinge.
 
 # Symmetrize points measured on meshes.

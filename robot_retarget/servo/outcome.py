@@ -83,6 +83,11 @@ class PlaybackOutcome:
     def compared(self, tracking_rms: float) -> "PlaybackOutcome":
         """Return the outcome; a motion played to the end with a joint off by more than `tracking_rms` [rad] is astray."""
         off, joint = self.figures.get("worst_joint_rms_rad", 0.0), self.figures.get("worst_joint")
+        still = self.figures.get("still_rad") or {}
+        if self.ended is PlaybackEnd.FINISHED and still:
+            joint, travel = max(still.items(), key=lambda item: item[1])
+            reason = f"{joint} stood still while its plan moved by {travel:.2f} rad: jammed, or without power"
+            return replace(self, ended=PlaybackEnd.ASTRAY, reason=reason)
         if self.ended is not PlaybackEnd.FINISHED or off <= tracking_rms:
             return self
         reason = f"{joint} was {off:.2f} rad off (rms), more than {tracking_rms:.2g}: jammed, overloaded or too slow"
@@ -91,6 +96,28 @@ class PlaybackOutcome:
     @property
     def exit_code(self) -> int:
         return 0 if self.ended is PlaybackEnd.FINISHED else 1
+
+
+# Jammed joints: they stand still while their plan moves.
+
+STILL = 0.0103
+"""A joint that stays within this does not move [rad]: two steps of the encoder of an AX in its data sheet."""
+NOTICED = 0.2
+"""A plan that moves by more meanwhile tells a jam from dry friction [rad]: twice the 0.09 by which a 2XL430 of 0.252 N m may
+lag behind a turn, at the gain of its data sheet. A jam of a joint that moves less in the whole motion is not noticed."""
+
+
+def standstill(motion: Floats, present: Floats) -> Floats:
+    """Return the largest travel (n,) of a plan (N, n) while a joint did not move [rad]."""
+    found = np.zeros(motion.shape[1])
+    for k, (plan, angles) in enumerate(zip(motion.T, present.T, strict=True)):
+        start = 0
+        while start < len(angles):
+            away = np.abs(angles[start:] - angles[start]) > STILL
+            end = start + int(away.argmax()) if away.any() else len(angles)
+            found[k] = max(found[k], np.ptp(plan[start:end]))
+            start = end
+    return found
 
 
 # Everything that was sent and heard, tick by tick.
@@ -214,6 +241,8 @@ class Record:
         error = (self.column("present") - self.column("motion"))[playing]
         rms = np.sqrt((error**2).mean(axis=0))
         late = self.column("late")[playing]
+        travel = np.ptp(self.column("motion")[playing], axis=0)
+        still = standstill(self.column("motion")[playing], self.column("present")[playing])
         periods = np.diff(self.column("time")[playing])
         return {
             "ticks": len(self),
@@ -221,6 +250,8 @@ class Record:
             "tracking_rms_rad": round(float(np.sqrt((error**2).mean())), 4),
             "worst_joint": self.joints[int(rms.argmax())],
             "worst_joint_rms_rad": round(float(rms.max()), 4),
+            "still_rad": {j: round(float(x), 3) for j, x in zip(self.joints, still, strict=True) if x > NOTICED},
+            "jams_unnoticed": [joint for joint, moved in zip(self.joints, travel, strict=True) if moved <= NOTICED],
             "largest_current_a": round(float(np.abs(self.column("current")[playing]).max()), 3),
             "hottest_c": float(self.column("temperature")[-1].max()),
             "skipped_ticks": self.skipped,

@@ -156,7 +156,10 @@ class Twin:
         if self.held:
             self._wait(all(holding))
             self._set_down()
+        stuck = np.flatnonzero(jammed)
+        places = self.data.qpos[self._qpos[stuck]].copy()
         mujoco.mj_step(self.model, self.data)
+        self.data.qpos[self._qpos[stuck]], self.data.qvel[self._dof[stuck]] = places, 0.0
         if self._imu is not None and self._root is not None:
             self._sense(self._imu, self._root)
         if self._window is not None:

@@ -1,4 +1,4 @@
-"""The group `servos`: emulate, scan, check, calibrate, record, identify, import."""
+"""The group `servos`: emulate, scan, check, calibrate, record, identify, import, map."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -113,22 +113,16 @@ def scan(
     last: Annotated[int, typer.Option(min=0, max=252, help="Highest id to try.")] = 252,
 ) -> None:
     """Find the servos on a port, at every baud rate."""
-    from robot_retarget.actuators.control_tables import model_numbered
-    from robot_retarget.servo.bus import Bus
+    from robot_retarget.servo.drafting import find_servos
 
-    found = []
-    for rate in baud or (2_000_000, 1_000_000, 57_600, 3_000_000, 4_000_000, 115_200):
-        for protocol in (2, 1):
-            with Bus(port, rate, version=protocol) as bus:
-                for identity, number, firmware in bus.scan(range(last + 1)):
-                    model = model_numbered(number)
-                    name = model.name if model else f"model {number}"
-                    facts = {"id": identity, "model": name, "firmware": firmware, "baud": rate, "protocol": protocol}
-                    found.append(facts)
-        if found:
-            break
+    found = [
+        one._asdict() | {"model": one.model.name if one.model else f"model {one.number}"}
+        for one in find_servos(port, baud or (), last)
+    ]
+    heads = ("id", "model", "firmware", "baud", "protocol")
+    found = [{head: row[head] for head in heads} for row in found]
     rows = [tuple(row.values()) for row in found]
-    printing.show(found, lambda _: console.table("Servos", ("id", "model", "firmware", "baud", "protocol"), rows))
+    printing.show(found, lambda _: console.table("Servos", heads, rows))
     if len({row["protocol"] for row in found}) > 1:
         console.note("Servos of Protocol 1 and 2 share the port: give each protocol a port and a map of its own.")
     if not found:
@@ -183,6 +177,42 @@ def calibrate(
     moved = {b.joint: [a.zero, b.zero] for a, b in zip(servo_map.servos, new.servos, strict=True) if a.zero != b.zero}
     lines = [f"{name}: zero {before} -> {now}" for name, (before, now) in moved.items()]
     printing.result({"output": str(to.output), "zeros": moved}, "\n".join([*lines, f"wrote {to.output}"]))
+
+
+@command("map", group=servos, epilog="Example: robot-retarget servos map new.toml --robot my.xml --scan /dev/ttyUSB0")
+def draft_map(
+    printing: opt.PrintOptions,
+    output: Annotated[Path, typer.Argument(help="The map to write (.toml).")],
+    robot: Annotated[str, typer.Option("--robot", "-r", help="The robot's model: MJCF, URDF or a name.")],
+    scan: Annotated[str, typer.Option(help="Serial port of its servos, or that of an emulator.")],
+    baud: Annotated[list[int] | None, typer.Option(help="Baud rates to try; the usual ones by default.")] = None,
+    last: Annotated[int, typer.Option(min=0, max=252, help="Highest id to try.")] = 252,
+) -> None:
+    """Draft the servo map of a new robot.
+
+    Bring it into its zero pose, torque off. Each servo moves by 9° and back, one after the other; type which joint moved, and + or -.
+    """
+    from robot_retarget.actuators.map import dump_map
+    from robot_retarget.base.files import require_writable, write_text
+    from robot_retarget.robot.anatomy import positive_senses
+    from robot_retarget.servo.drafting import FoundServo, draft
+
+    model = opt.load(robot)
+    require_writable(output)
+    ranges = {j: (float(a), float(b)) for j, a, b in zip(model.joint_names, model.lower, model.upper, strict=True)}
+    senses = positive_senses(model)
+    console.to_stderr("\n".join(f"{joint}: + turns it {sense}" for joint, sense in senses.items()))
+
+    def ask(one: FoundServo) -> str:
+        named = one.model.name if one.model else ""
+        return typer.prompt(f"servo {one.id} ({named}) moved: joint and + or -, or Enter", default="", err=True)
+
+    servo_map = draft(model.name, ranges, scan, ask, baud or (), last)
+    write_text(output, dump_map(servo_map))
+    free = [joint for joint in ranges if joint not in servo_map.joints]
+    rest = f"; without a servo: {', '.join(free)}" if free else ""
+    sentence = f"wrote {output}: {len(servo_map.servos)} servos{rest}; `servos check` and `calibrate` come next"
+    printing.result({"output": str(output), "servos": len(servo_map.servos), "without": free}, sentence)
 
 
 @options
