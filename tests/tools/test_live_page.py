@@ -1,6 +1,8 @@
 """A served page follows live poses, in a browser."""
 
 import os
+import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -114,3 +116,52 @@ def test_a_take_of_poses_at_uneven_times_is_as_long_as_they_took(
         live.show(robot.standing())
     live.record()
     assert load_trajectory(tmp_path / "take_1.npz").duration == pytest.approx(times[-1], abs=1 / 30)
+
+
+STREAM = """
+import sys, time
+from pathlib import Path
+from robot_retarget.robot import load_robot
+from robot_retarget.tools.view.web.live import LiveRobot
+robot = load_robot("op3")
+live = LiveRobot(robot, takes=Path(sys.argv[1]))
+live.record()
+for frame in range(10_000):
+    qpos = robot.standing()
+    qpos[0] = frame / 50
+    live.show(qpos)
+    print(frame, flush=True)
+    time.sleep(0.02)
+"""
+
+
+def test_a_take_survives_a_kill_but_for_its_last_second(tmp_path: Path) -> None:
+    with subprocess.Popen([sys.executable, "-c", STREAM, str(tmp_path)], stdout=subprocess.PIPE, text=True) as stream:
+        assert stream.stdout is not None
+        shown, end = 0, None
+        for line in stream.stdout:
+            shown = int(line)
+            if end is None and (tmp_path / "take_1.npz").exists():
+                end = shown + 25  # half a second after the file is there
+            if end is not None and shown >= end:
+                break
+        stream.kill()
+    take = load_trajectory(tmp_path / "take_1.npz")
+    assert take.robot == "op3" and 50 * take.qpos[-1, 0] > shown - 75, "at most a second and its writing are lost"
+    assert [path.name for path in tmp_path.iterdir() if not path.name.startswith(".")] == ["take_1.npz"]
+
+
+def test_a_take_is_written_where_the_stream_ends_before_it_is_stopped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    robot = load_robot("op3")
+    sink = PageSink(robot, 0)
+    thread = threading.Thread(target=sink.served.forever, daemon=True)
+    thread.start()
+    sink._robot.record()
+    for _ in range(3):
+        sink._robot.show(robot.standing())
+        time.sleep(0.02)
+    assert sink.close()["wrote"] == "take_1.npz" and len(load_trajectory(tmp_path / "take_1.npz")) >= 2
+    assert sink.close() == {}

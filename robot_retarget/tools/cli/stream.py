@@ -164,7 +164,8 @@ def _to_page(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str, An
     try:
         return poses.run(sink, sink.follow), 0
     finally:
-        sink.served.server.shutdown()
+        if take := sink.close():
+            console.to_stderr(f"wrote {take['wrote']}, {take['seconds']} s")
         thread.join()
 
 

@@ -3,16 +3,17 @@
 import json
 from collections import deque
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from itertools import count
 from pathlib import Path
-from threading import Condition
-from time import monotonic
+from threading import Condition, Event, Thread
+from time import monotonic, perf_counter
 from typing import Any
 
 import numpy as np
 
 from robot_retarget.base.arrays import Floats
-from robot_retarget.base.errors import UsageError
+from robot_retarget.base.errors import OutputError, UsageError
 from robot_retarget.human.surroundings import first_frame
 from robot_retarget.live.frame import Frame
 from robot_retarget.live.loop import LivePose, Loop
@@ -28,6 +29,69 @@ from robot_retarget.trajectory import Trajectory
 
 RECENT = 60
 """Number of frames that rate and latency are taken from."""
+LOST = 1.0
+"""The longest part of a take that a killed stream loses [s], by definition."""
+PART = 20
+"""A take is written again once this many times the time of the last writing have passed [-]: by definition it costs a twentieth of one processor."""
+
+
+class Recording:
+    """A take that is being recorded. Its file grows with it: at any time it holds all but the last second.
+
+    Args:
+        robot: it.
+        folder: where `take_N.npz` is written, with the next number that is free.
+    """
+
+    def __init__(self, robot: Robot, folder: Path) -> None:
+        self.path: Path = next(path for n in count(1) if not (path := folder / f"take_{n}.npz").exists())
+        self._robot, self._poses = robot, list[tuple[float, Floats]]()
+        self._stop, self._writer = Event(), Thread(target=self._write, daemon=True)
+        self._writer.start()
+
+    def add(self, qpos: Floats) -> None:
+        """Add a pose (nq,) at this time."""
+        self._poses.append((monotonic(), np.array(qpos)))
+
+    @property
+    def length(self) -> float:
+        """Time from the first pose to the last [s]."""
+        return round(self._poses[-1][0] - self._poses[0][0], 2) if len(self._poses) > 1 else 0.0
+
+    def end(self) -> float:
+        """Write the whole take; return its length [s].
+
+        Raises:
+            UsageError: it has no two poses.
+            OutputError: it cannot be written.
+        """
+        self._stop.set()
+        self._writer.join()
+        if not self.length:
+            raise UsageError("no pose came while the take was recorded")
+        self._save()
+        return self.length
+
+    def _write(self) -> None:
+        pause = LOST
+        while not self._stop.wait(pause):
+            began = perf_counter()
+            with suppress(OutputError):  # `end` raises it
+                self._save()
+            pause = max(LOST, PART * (perf_counter() - began))
+
+    def _save(self) -> None:
+        """Write the poses that came until now, at an even rate."""
+        poses = self._poses[:]
+        length = poses[-1][0] - poses[0][0] if len(poses) > 1 else 0.0
+        if not length:
+            return
+        times, qpos = np.array([time for time, _ in poses]), np.array([pose for _, pose in poses])
+        fps = float(np.clip(round((len(poses) - 1) / length), 1, 1000))
+        names = self._robot.joint_names, self._robot.name
+        numbered = Trajectory(qpos, 1.0, *names, source="live")
+        at = np.interp(np.arange(int(length * fps) + 1) / fps, times - times[0], np.arange(len(poses)))
+        Trajectory(sample(numbered, self._robot, at), fps, *names, source="live").save(self.path)
 
 
 class LiveRobot:
@@ -54,7 +118,7 @@ class LiveRobot:
         self._names = [around.names[body] for body in drawn] if around is not None else []
         self._count, self._pose = 0, b""
         self._changed = Condition()
-        self._take: list[tuple[float, Floats]] | None = None
+        self._take: Recording | None = None
         still = Trajectory(robot.standing()[None], 1.0, robot.joint_names, robot.name, source="live", scene=around)
         self.viewer: Viewer = Viewer((Take(robot, still),))
 
@@ -82,7 +146,7 @@ class LiveRobot:
         with self._changed:
             self._count, self._pose = self._count + 1, json.dumps(rows).encode()
             if self._take is not None:
-                self._take.append((monotonic(), np.array(qpos)))
+                self._take.add(qpos)
             self._changed.notify_all()
 
     def next(self, seen: int, timeout: float) -> tuple[int, bytes] | None:
@@ -95,35 +159,23 @@ class LiveRobot:
     def state(self) -> dict[str, Any]:
         """Return the facts of the stream, and the length of a take that is being recorded [s]."""
         with self._changed:
-            recording = None if self._take is None else self._length(self._take)
+            recording = None if self._take is None else self._take.length
         return self._facts() | {"recording": recording}
 
     def record(self) -> dict[str, Any]:
-        """Begin a take, or end it and write `take_N.npz`, with the next number that is free.
+        """Begin a take, or end it; its file is written as it goes (`Recording`).
 
         Raises:
             UsageError: it has no two poses.
             OutputError: it cannot be written.
         """
         with self._changed:
-            take, self._take = self._take, None if self._take is not None else []
-        if take is None:
-            return {"recording": 0.0}
-        length = self._length(take)
-        if not length:
-            raise UsageError("no pose came while the take was recorded")
-        times, qpos = np.array([time for time, _ in take]), np.array([pose for _, pose in take])
-        fps = float(np.clip(round((len(take) - 1) / length), 1, 1000))
-        names = self._robot.joint_names, self._robot.name
-        numbered = Trajectory(qpos, 1.0, *names, source="live")
-        at = np.interp(np.arange(int(length * fps) + 1) / fps, times - times[0], np.arange(len(take)))
-        path = next(p for n in count(1) if not (p := self._folder / f"take_{n}.npz").exists())
-        Trajectory(sample(numbered, self._robot, at), fps, *names, source="live").save(path)
-        return {"wrote": str(path), "seconds": round(length, 2)}
+            take, self._take = self._take, None if self._take is not None else Recording(self._robot, self._folder)
+        return {"recording": 0.0} if take is None else {"wrote": str(take.path), "seconds": take.end()}
 
-    @staticmethod
-    def _length(take: list[tuple[float, Floats]]) -> float:
-        return round(take[-1][0] - take[0][0], 2) if len(take) > 1 else 0.0
+    def end(self) -> dict[str, Any]:
+        """End a take that is being recorded, if there is one; return where it is, as `record` does."""
+        return self.record() if self._take is not None and self._take.length else {}
 
 
 class PageSink:
@@ -144,6 +196,11 @@ class PageSink:
     def follow(self, loop: Loop) -> None:
         """Show the performer of a loop too, and its state."""
         self._loop = loop
+
+    def close(self) -> dict[str, Any]:
+        """End a take that is being recorded, and the page; return where the take is, as `LiveRobot.record` does."""
+        self.served.server.shutdown()
+        return self._robot.end()
 
     def show(self, pose: LivePose) -> None:
         frame = self._loop.last if self._loop is not None else None
