@@ -9,7 +9,7 @@ from scipy.ndimage import median_filter
 from scipy.spatial.transform import Rotation, Slerp
 from scipy.special import gammaincinv
 
-from robot_retarget.base.arrays import Floats, unit
+from robot_retarget.base.arrays import Floats, intervals, unit
 from robot_retarget.base.errors import LISTED
 from robot_retarget.base.keypoints import ARM, LEG, SIDES
 from robot_retarget.human.capture import Capture
@@ -203,6 +203,49 @@ def smoothed(capture: Capture, rule: NoiseRule) -> Capture:
     turns = np.concatenate([turns[:1], turns[1:] * flips[..., None]])
     positions, rotations = forward(parents, low(translations), unit(low(turns)))
     return replace(capture, positions=positions, rotations=rotations)
+
+
+# Frames that are no poses: their values are shifted by columns, or random.
+
+
+@dataclass(frozen=True)
+class ScrambleRule:
+    """In captured clips of 13 exporters no more than one step in a row has so many turns, in a scrambled one 22."""
+
+    turn: float = np.pi / 4
+    """From frame to frame a joint turns by more [rad]: half finds two steps in a row in one of those clips ..."""
+    joints: int = 3
+    """... in so many joints at once ..."""
+    steps: int = 4
+    """... in so many steps in a row."""
+
+
+def clean_part(capture: Capture, rule: ScrambleRule) -> tuple[slice, str]:
+    """Return the longest part without scrambled frames, and a sentence about these; empty where there are none.
+
+    Args:
+        capture: with any number of frames.
+        rule: what no body does.
+    """
+    whole = slice(0, len(capture.positions))
+    if capture.rotations is None or whole.stop <= rule.steps or capture.fps < JumpRule().lowest_rate:
+        return whole, ""
+    _, turns = backward(capture.skeleton.parents, capture.positions, capture.rotations)
+    angles = 2 * np.arccos(np.abs((turns[1:] * turns[:-1]).sum(axis=2)).clip(0, 1))
+    wild = (angles > rule.turn).sum(axis=1) >= rule.joints
+    runs = [(start + 1, stop) for start, stop in intervals(wild) if stop - start >= rule.steps]
+    if not runs:
+        return whole, ""
+    bounds = [0, *(end for first, last in runs for end in (first, last + 1)), whole.stop]
+    kept = max(
+        (slice(a, b) for a, b in zip(bounds[::2], bounds[1::2], strict=True)), key=lambda part: part.stop - part.start
+    )
+    places = ", ".join(span(first, last, capture.fps) for first, last in runs[:LISTED])
+    return kept, (
+        f"{places[:1].upper()}{places[1:]}: no poses, {rule.joints} joints and more turn by over {np.degrees(rule.turn):.0f}° in every "
+        f"step, as where values are shifted by columns; --frames 0:{kept.stop - kept.start} takes the {kept.stop - kept.start} "
+        f"frames {'before' if kept.start == 0 else 'after'} them"
+    )
 
 
 # Whether a repair leaves a motion at least as smooth as it was: no point moves farther between two frames.

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.constants import g
 
 from robot_retarget.base.arrays import Bools, Floats, Ints, intervals, leftward
-from robot_retarget.base.errors import BalanceError
+from robot_retarget.base.errors import BalanceError, MotionError
 from robot_retarget.contact.rule import (
     JOINTS,
     contact_schedule,
@@ -292,7 +292,13 @@ class HumanFeatures:
 
 
 def features_of(motion: Motion, match: Match) -> HumanFeatures:
-    """Return the features of a motion; a part of a clip uses the whole clip for its constants."""
+    """Return the features of a motion; a part of a clip uses the whole clip for its constants.
+
+    Raises:
+        MotionError: the file has further frames that are no poses, and no part of it was taken.
+    """
+    if motion.scrambled:
+        raise MotionError(motion.scrambled, motion.source)
     clip, fps, rule = motion.clip, motion.fps, ActivityRule()
     x = match.human_positions(clip)
     floor = floor_under(x, match, fps) if clip.scene is None else np.zeros(len(x))

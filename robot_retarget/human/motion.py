@@ -42,6 +42,8 @@ class Motion:
     """The hash of the source file; empty for a motion made in memory."""
     known: Recognition | None = field(default=None, repr=False, compare=False)
     """The keypoints among the joints, where source or reader know them; None after a change of the names."""
+    scrambled: str = field(default="", repr=False, compare=False)
+    """A sentence where the file has further frames that are no poses: such a motion is not solved until a part of it is taken."""
     scene: Scene | None = field(default=None, repr=False, compare=False)
     """The bodies around the human, with a pose at every frame (`with_scene`)."""
 
@@ -172,6 +174,7 @@ class Motion:
             whole=self.clip,
             start=self.span.start + start,
             start_time=self.start_time + start / self.fps,
+            scrambled="",
             scene=None if self.scene is None else self.scene.at(slice(start, stop)),
         )
 

@@ -11,7 +11,7 @@ from robot_retarget.base.keypoints import ARM, SIDES
 from robot_retarget.base.keypoints import LEG as LEG_PARTS
 from robot_retarget.base.untrusted.arrays import FARTHEST
 from robot_retarget.human.capture import Capture, Request, one_performer
-from robot_retarget.human.defects import excess, span
+from robot_retarget.human.defects import ScrambleRule, clean_part, excess, span
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.recognition.recognise import LEG, Recognition, leg_length, recognise, stature
 from robot_retarget.human.repair import FootingRule, RepairRule, footing, repaired
@@ -146,6 +146,8 @@ def upright(
         return _other_body(capture, given, str(error))
     proper, calibration = calibration_frames(recognition, capture.positions, capture.fps)
     capture = capture.part(proper)
+    clean, scrambled = clean_part(capture, ScrambleRule())
+    capture = capture.part(clean)
     metres, unit_note = unit_of(recognition, capture.positions, height)
     raw, (capture, broken) = capture, repaired(capture, recognition, metres, RepairRule(mend=repair))
     axis, axis_notes = _up(recognition, capture, raw, metres) if given is None else (given, ())
@@ -155,11 +157,22 @@ def upright(
     level = metres * capture.positions @ turn_to_z(axis).T
     feet = footing(recognition, level, capture.fps, FootingRule())
     ends = calibration_pose_notes(recognition, level, capture.fps)
-    notes = (*others, *axis_notes, *broken, *feet, *recognition.notes, *calibration, *ends, unit_note)
+    notes = (
+        *others,
+        *((f"{scrambled}.",) if scrambled else ()),
+        *axis_notes,
+        *broken,
+        *feet,
+        *recognition.notes,
+        *calibration,
+        *ends,
+        unit_note,
+    )
     if axis != "+z":
         notes = (*notes, f"The file has {axis} up; it was turned to z up.")
     upright = _motion(capture, metres, axis, notes)
-    return replace(upright, start_time=proper.start / capture.fps, known=recognition)
+    start = (proper.start + clean.start) / capture.fps
+    return replace(upright, start_time=start, known=recognition, scrambled=scrambled)
 
 
 def signed_axis(name: str) -> str:

@@ -2,20 +2,26 @@
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from shared_files import SHARED, needs_shared
+from shared_files import ROOT, SHARED, needs_shared
 
 from robot_retarget.base.errors import MotionError
 from robot_retarget.human.capture import Capture
-from robot_retarget.human.defects import NoiseRule, gaps, noise_of, smoothed
+from robot_retarget.human.defects import NoiseRule, ScrambleRule, clean_part, gaps, noise_of, smoothed
+from robot_retarget.human.features import features_of
+from robot_retarget.human.match import match
+from robot_retarget.human.read import read_motion
 from robot_retarget.human.readers.bvh import read_bvh
 from robot_retarget.human.recognition import recognise
 from robot_retarget.human.recognition.recognise import leg_length
+from robot_retarget.human.resample import at_frames
 from robot_retarget.human.upright import upright
+from robot_retarget.robot import load_robot
 
 pytestmark = needs_shared
 FOLDER = SHARED / "motions" / "bvh"
@@ -270,3 +276,32 @@ def test_a_body_that_climbs_is_noted_with_height_and_time():
     (note,) = [note for note in notes if "change their height" in note]
     assert float(re.findall(r"by ([\d.]+) m", note)[0]) == pytest.approx(0.6, abs=0.08)
     assert not any("change their height" in note for note in upright(capture).notes)
+
+
+def test_frames_whose_values_are_shifted_by_columns_are_refused_and_the_others_are_as_if_they_were_not_there(
+    tmp_path: Path,
+) -> None:
+    lines = (ROOT / "samples" / "walk.bvh").read_text().splitlines()
+    at = next(k for k, line in enumerate(lines) if line.strip() == "MOTION")
+    head, rows = lines[: at + 3], [line.split() for line in lines[at + 3 :] if line.strip()][:60]
+    own, shifted = rows[:41], [["0"] * 7 * (t - 40) + row for t, row in enumerate(rows[41:], 41)]
+    for name, some in (("own", own), ("all", own + [row[: len(rows[0])] for row in shifted])):
+        head[at + 1] = f"Frames: {len(some)}"
+        (tmp_path / f"{name}.bvh").write_text("\n".join([*head, *map(" ".join, some)]) + "\n")
+    clean, broken = (read_motion(tmp_path / f"{name}.bvh") for name in ("own", "all"))
+    assert len(broken) == 41 and np.array_equal(broken.positions, clean.positions)
+    robot = load_robot("op3")
+    with pytest.raises(
+        MotionError, match=r"[Ff]rames 41–\d+ .* no poses.*--frames 0:41 takes the 41 frames before them"
+    ):
+        features_of(broken, match(broken, robot))
+    part = broken.frames(0, 41)
+    own_features, taken = features_of(clean, match(clean, robot)), features_of(part, match(part, robot))
+    assert np.array_equal(own_features.positions, taken.positions)
+
+
+def test_a_quick_motion_is_not_taken_for_noise() -> None:
+    """A body that spins three times a second and whips all its limbs, at 30 frames a second."""
+    walk = read_motion(ROOT / "samples" / "walk.bvh")
+    quick = at_frames(walk, np.arange(0, len(walk) - 1, 4.0), 30.0)
+    assert not clean_part(Capture(quick.skeleton, quick.positions, quick.rotations, 30.0, "q"), ScrambleRule())[1]
