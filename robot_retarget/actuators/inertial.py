@@ -124,6 +124,12 @@ STRAY = 0.35
 """Largest lean of the trunk from the plan at rest, floor and bias together [rad]: 20°, between the 3° of a floor and the 90° of exchanged axes."""
 
 
+LYING = 0.5
+"""A vertical that points along the body's own axis by less than this has fallen [-]: by definition 60°, nearer to lying than to standing."""
+SIDES = ("its back", "its right side", "its feet"), ("its front", "its left side", "its head")
+"""What a body lies on whose axis x, y or z points up, and down."""
+
+
 class Monitor:
     """Check readings tick by tick."""
 
@@ -144,6 +150,22 @@ class Monitor:
         return "the gyroscope is saturated" if self._saturated >= FROZEN else None
 
 
+def fallen(readings: Sequence[Reading]) -> str | None:
+    """Return on which side a robot lies that should stand, and how to begin again; None for one that stands or falls freely.
+
+    The direction of gravity tells it also where the robot moves a little.
+    """
+    force = np.mean([reading.accel for reading in readings], axis=0) if readings else np.zeros(3)
+    weight = float(np.linalg.norm(force))
+    if weight < STANDARD_GRAVITY / 2 or force[2] > LYING * weight:
+        return None
+    axis = int(np.abs(force).argmax())
+    return (
+        f"the robot lies on {SIDES[int(force[axis] < 0)][axis]}: set it on its feet, or start its emulator again, and play again; "
+        "if it stands, look over the axes of [imu]"
+    )
+
+
 def rest_faults(readings: Sequence[Reading], imu: Imu, planned: Floats | None = None, still: bool = True) -> list[str]:
     """Return the faults in readings of a robot at rest.
 
@@ -156,6 +178,9 @@ def rest_faults(readings: Sequence[Reading], imu: Imu, planned: Floats | None = 
     gyro, accel = (np.array([getattr(r, name) for r in readings]) for name in ("gyro", "accel"))
     if len(readings) > 2 and not np.ptp(gyro, axis=0).any() and not np.ptp(accel, axis=0).any():
         return ["the inertial sensor is frozen: all readings are the same"]
+    lies = fallen(readings) if planned is None or np.cos(planned).min() > LYING else None
+    if lies:
+        return [lies]
     faults = []
     bias, weight = np.abs(gyro.mean(axis=0)), float(np.linalg.norm(accel.mean(axis=0)))
     if (bias > imu.gyro_bias + 3 * imu.gyro_noise).any():

@@ -11,7 +11,8 @@ import numpy as np
 
 from robot_retarget.actuators.goals import TRACKING_RMS
 from robot_retarget.actuators.map import ServoMap
-from robot_retarget.base.errors import ServoError, known
+from robot_retarget.base.errors import LISTED, ServoError, known
+from robot_retarget.base.files import MODELS
 from robot_retarget.base.untrusted.documents import FORMAT_VERSION, NAMES, content_sha256, read_json, read_toml
 from robot_retarget.servo.link import JointScale
 from robot_retarget.servo.plan import ServoPlan, goal_plan, parting
@@ -48,6 +49,7 @@ def require_judged(
     Raises:
         ServoError: the goals may not be sent; the message gives the reason and the command that judges them again.
     """
+    _require_joints(path, trajectory, servo_map, servos)
     where = Path(report) if report is not None else _beside(Path(path), mode)
     content, why = _content(where)
     why = (
@@ -63,6 +65,24 @@ def require_judged(
     command = ["robot-retarget", "simulate", path, "--robot", robot, "--mode", mode]
     command += ["--servos", servos, *(["--report", report] if report is not None else [])]
     raise ServoError(f"{why}; judge it again: {shlex.join(map(str, command))}")
+
+
+def _require_joints(path: str | Path, trajectory: Trajectory, servo_map: ServoMap, servos: str) -> None:
+    """Check that a map has the joints of a trajectory: no simulation mends another robot's map.
+
+    Raises:
+        ServoError: it has others.
+    """
+    own, turned = set(trajectory.joint_names), {*servo_map.joints, *servo_map.passive}
+    if other := sorted((own - turned) | (set(servo_map.joints) - own)):
+        shipped = (MODELS / trajectory.robot / "servos.toml").is_file()
+        right = (
+            f"--servos {trajectory.robot}" if shipped else f"--servos MAP.toml with the joints of {trajectory.robot}"
+        )
+        named = ", ".join(other[:LISTED]) + (f" and {len(other) - LISTED} more joints" if len(other) > LISTED else "")
+        raise ServoError(
+            f"{path} is of the robot {trajectory.robot}, {servos} of {servo_map.robot}: only one has {named}; use {right}"
+        )
 
 
 def _helping(content: dict[str, Any]) -> str:

@@ -9,7 +9,7 @@ import serial
 
 from robot_retarget.actuators.balance_tables import STANDARD_GRAVITY, Balance, Imu
 from robot_retarget.actuators.feedback import Feedback, Fusion, Law
-from robot_retarget.actuators.inertial import LeanTest, Monitor, Reading, rest_faults
+from robot_retarget.actuators.inertial import LYING, LeanTest, Monitor, Reading, fallen, rest_faults
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import ServoError
 from robot_retarget.servo import protocol
@@ -154,7 +154,14 @@ class FallGuard:
         return target
 
     def ready(self) -> None:
-        """Check the readings of the approach, and subtract the gyroscope's bias from later readings."""
+        """Check the readings of the approach, and subtract the gyroscope's bias from later readings.
+
+        Raises:
+            FaultError: the robot lies where the plan begins upright.
+        """
+        upright = self._up is None or self._up[0, 2] > LYING
+        if upright and (lies := fallen(self._before)):
+            raise FaultError(lies)
         faults = rest_faults(self._before, self._imu, still=False)
         if faults:
             self._lose("; ".join(faults))
@@ -234,6 +241,8 @@ def require_sound(sensor: Sensor, imu: Imu, lockstep: bool = False) -> None:
         if lockstep and readings:
             break
         time.sleep(SPACING)
+    if lies := fallen(readings):
+        raise ServoError(lies)
     faults = rest_faults(readings, imu)
     if faults:
         raise ServoError(

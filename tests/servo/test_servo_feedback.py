@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from emulated import emulated, until
@@ -16,7 +17,16 @@ from scipy.spatial.transform import Rotation
 
 import robot_retarget as rr
 from robot_retarget.actuators.balance_tables import STANDARD_GRAVITY, Imu
-from robot_retarget.actuators.inertial import LEVEL, LeanTest, Monitor, Reading, VirtualImu, rest_faults
+from robot_retarget.actuators.inertial import (
+    LEVEL,
+    LeanTest,
+    Monitor,
+    Reading,
+    VirtualImu,
+    fallen,
+    rest_faults,
+    tilt_of,
+)
 from robot_retarget.actuators.map import ServoMap, load_map
 from robot_retarget.base.errors import ServoError
 from robot_retarget.base.files import MODELS as SHIPPED
@@ -179,6 +189,33 @@ FAULTS = {
 @pytest.mark.parametrize(("readings", "message"), FAULTS.values(), ids=FAULTS)
 def test_faults_are_found_at_rest(readings: list[Reading], message: str) -> None:
     assert any(message in fault for fault in rest_faults(readings, IMU, np.zeros(2)))
+
+
+BOX = """<mujoco><worldbody><geom type="plane" size="2 2 .1"/><body name="trunk" pos="0 0 .2" euler="{}"><freejoint/>
+<geom type="box" size=".1 .1 .1"/><site name="imu"/></body></worldbody><sensor><gyro site="imu"/><accelerometer site="imu"/></sensor></mujoco>"""
+LAID = {
+    "0 -90 0": "its back",
+    "0 90 0": "its front",
+    "90 0 0": "its right side",
+    "-90 0 0": "its left side",
+    "180 0 0": "its head",
+}
+
+
+@pytest.mark.parametrize(("turned", "side"), LAID.items())
+def test_a_robot_that_fell_is_said_to_lie_and_on_which_side(turned: str, side: str) -> None:
+    """MuJoCo's own sensors on a box that rests on a floor."""
+    model = mujoco.MjModel.from_xml_string(BOX.format(turned))
+    data, readings = mujoco.MjData(model), []
+    for _ in range(800):
+        mujoco.mj_step(model, data)
+        readings.append(Reading(data.sensordata[:3].copy(), data.sensordata[3:].copy()))
+    moving = [Reading(r.gyro + 0.9, r.accel * (0.79 + 0.02 * (k % 2))) for k, r in enumerate(readings[-50:])]
+    for found in (rest_faults(readings[-50:], IMU, np.zeros(2)), rest_faults(moving, IMU, still=False)):
+        (fault,) = found
+        assert fault.startswith(f"the robot lies on {side}: set it on its feet") and "play again" in fault
+    assert fallen([LEVEL]) is None
+    assert not any("lies" in fault for fault in rest_faults(readings[-50:], IMU, tilt_of(readings[-1].accel)))
 
 
 def test_sound_sensors_have_no_faults() -> None:

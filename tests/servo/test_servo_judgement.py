@@ -13,7 +13,7 @@ from made_trajectories import hold
 from test_servo_commands import call
 
 from robot_retarget.actuators.goals import RATE, Goals
-from robot_retarget.actuators.map import Servo, ServoMap
+from robot_retarget.actuators.map import Servo, ServoMap, load_map
 from robot_retarget.base.errors import ServoError, TrajectoryError
 from robot_retarget.base.untrusted.documents import sealed
 from robot_retarget.judge.verdict import Thresholds
@@ -142,6 +142,15 @@ def test_the_cure_names_the_robot_as_it_was_given(tmp_path: Path) -> None:
     path = passing(tmp_path, mode="pinned", model="own/my.xml")
     with pytest.raises(ServoError, match=r"--robot own/my\.xml --mode free --servos arm\.toml"):
         require_judged(path, load_trajectory(path), ARM, "arm.toml")
+
+
+def test_another_robots_map_is_named_and_no_command_that_fails(tmp_path: Path) -> None:
+    path = passing(tmp_path)
+    with pytest.raises(
+        ServoError, match=r"of the robot arm, toddler_class of \S+: only one has .* more joints; use --servos"
+    ) as error:
+        require_judged(path, load_trajectory(path), load_map("toddler_class"), "toddler_class")
+    assert "simulate" not in str(error.value)
 
 
 def test_a_failed_trajectory_is_refused_with_what_helps_and_not_sent_to_fail_again(tmp_path: Path) -> None:

@@ -223,7 +223,8 @@ def show_playback(figures: dict[str, Any]) -> None:
         if (value := figures.get(name)) is not None
     ]
     rows += [(f"{joint} was limited", f"{n} ticks") for joint, n in figures.get("limited", {}).items()]
-    table("Played", ("what", "value"), rows)
+    if rows:
+        table("Played", ("what", "value"), rows)
 
 
 def show_warnings(facts: dict[str, Any]) -> None:
