@@ -90,7 +90,12 @@ def references(given: Any, robot: rr.Robot) -> Iterator[tuple[str, str, rr.Traje
             yield preset, name, rr.retarget(motion, robot, balance="off", preset=preset).trajectory, motion
         for maker, folder in others:
             for file in sorted(Path(folder).glob(f"{name}.*"))[:1]:
-                yield maker, name, rr.load_trajectory(file, robot), motion
+                yield maker, name, in_step(rr.load_trajectory(file, robot), motion), motion
+
+
+def in_step(trajectory: rr.Trajectory, motion: rr.Motion) -> rr.Trajectory:
+    """Return the trajectory of another retargeter, which begins at 0 s, at the times of the part of the clip that it was made from."""
+    return trajectory.altered(source_time=motion.source_time[0] + np.arange(len(trajectory)) / trajectory.fps)
 
 
 def clips(repos: Path, only: list[str] | None) -> Iterator[tuple[str, rr.Motion]]:
