@@ -83,8 +83,9 @@ class Failing(NamedTuple):
 
     @property
     def balance(self) -> str:
-        """The balance that a new trajectory needs."""
-        return "off" if self.pinned else self.figures.get("balance") or "static"
+        """The balance that a new trajectory needs; a policy has its own."""
+        alone = self.pinned or "policy" in self.figures
+        return "off" if alone else self.figures.get("balance") or "static"
 
 
 def cure_of(reason: str, kind: str, failing: Failing) -> Cure:

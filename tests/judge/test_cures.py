@@ -24,6 +24,8 @@ from robot_retarget.scene.scene import RigidBody, Scene
 from robot_retarget.scene.shape import ShapeKind, solid
 from robot_retarget.scores.likeness import UNLIKE
 from robot_retarget.tools.cli import app
+from robot_retarget.tools.cli.command import line_without
+from robot_retarget.tools.cli.options import OUT
 from robot_retarget.trajectory import Trajectory
 
 
@@ -193,6 +195,23 @@ def test_every_cure_is_a_command_whose_options_exist(kind: str, mode: str) -> No
 @cache
 def help_of(*command: str) -> str:
     return CliRunner().invoke(app, [*command, "--help"]).output
+
+
+def test_a_cure_of_a_run_repeats_its_options_but_for_its_folder() -> None:
+    given = "run no.bvh --robot op3 --out=there --json -q --frames 0:30 --legs follow -o here"
+    assert CliRunner().invoke(app, shlex.split(given)).exception
+    kept = line_without(OUT, ("--json", "--quiet", "-q", "--video"))
+    assert kept == shlex.split("run no.bvh --robot op3 --frames 0:30 --legs follow")
+    origin = Origin("here/trajectory.npz", "op3", run=shlex.join(["robot-retarget", *kept]))
+    cure = cure_of("it falls", "fell", Failing({"mode": "free", "legs": "follow"}, Thresholds(), origin))
+    assert cure.command == "robot-retarget run no.bvh --robot op3 --frames 0:30 --legs stand --out here-stand"
+
+
+def test_under_a_policy_a_motion_is_slowed_without_balance_of_its_own_and_followed_again() -> None:
+    origin = Origin("t.npz", "g1.xml", judge="--robot g1.xml --policy walker.onnx")
+    figures = {"mode": "free", "policy": "walker"}
+    command = cure_of("it falls", "fell", Failing(figures, Thresholds(), origin)).command
+    assert "--balance off" in command and "--policy walker.onnx --report t-slower.json" in command
 
 
 def test_every_limit_and_every_difference_has_a_cure() -> None:
