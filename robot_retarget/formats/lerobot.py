@@ -117,4 +117,26 @@ def read(source: TrajectorySource) -> Columns:
     return Columns(angles, names, root[:, :3], root[:, 3:], float(info["fps"]), notes=notes)
 
 
+def read_actions(path: Path) -> tuple[tuple[str, ...], float, Floats, Floats]:
+    """Read the first episode as goals and states.
+
+    Returns:
+        The joints, frames per second, `action` (T, n) and `observation.state` (T, n), in the units of the file.
+
+    Raises:
+        TrajectoryError: a column or its names are missing, or the two have different names.
+    """
+    features = read_json(path / INFO, TrajectoryError)["features"]
+    action, state = (features.get(name, {}).get("names") for name in (ACTION, STATE))
+    if not isinstance(action, list) or action != state:
+        raise TrajectoryError(f"{path}: {ACTION} and {STATE} need the same names")
+    columns = parquet_columns(path / "data" / FIRST, (ACTION, STATE, EPISODE))
+    if missing := {ACTION, STATE} - set(columns):
+        raise TrajectoryError(f"{path}: no column {min(missing)!r}")
+    first = columns[EPISODE] == columns[EPISODE][0] if EPISODE in columns else slice(None)
+    goals, states = (shaped(columns[name], (None, len(action)), name)[first] for name in (ACTION, STATE))
+    fps = float(read_json(path / INFO, TrajectoryError)["fps"])
+    return tuple(str(name).removesuffix(POS) for name in action), fps, goals, states
+
+
 FORMAT = declared("lerobot", write, read, lambda source: (source.path / INFO).is_file())

@@ -1,7 +1,7 @@
-"""The group `servos`: emulate, scan, check, calibrate, record, identify, import, map."""
+"""The group `servos`: emulate, scan, check, calibrate, record, identify, predict, import, map."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -319,6 +319,46 @@ def identify(how: IdentifyOptions, printing: opt.PrintOptions) -> None:
     facts["standard_errors"] = {name: float(f"{spread:.3g}") for name, spread in found.spread.items()}
     lines += [f"at {found.voltage:.1f} V; {off}", f"wrote {how.output}"]
     printing.result({"output": str(how.output), **facts}, "\n".join(lines))
+
+
+@command(group=servos, epilog="Example: robot-retarget servos predict play.npz --map op3 --picture predict.svg")
+def predict(
+    the: MapNameOptions,
+    printing: opt.PrintOptions,
+    log: Annotated[
+        Path, typer.Argument(help="play.npz, or the folder of a LeRobot data set (action, observation.state).")
+    ],
+    unit: Annotated[Literal["rad", "deg"], typer.Option(help="Of the angles of a LeRobot data set.")] = "rad",
+    load: Annotated[float, typer.Option(help="Inertia that each joint carries [kg m²].", min=0)] = 0.0,
+    picture: Annotated[Path | None, typer.Option(help="Goals, predicted and measured angles (.svg).")] = None,
+) -> None:
+    """Predict the angles of a log from its goals with the model of the servos, and print the error of each joint."""
+    import numpy as np
+
+    from robot_retarget.actuators.map import load_map
+    from robot_retarget.base.files import write_text
+    from robot_retarget.formats.lerobot import read_actions
+    from robot_retarget.servo.predict import ServoLog, read_play_log
+    from robot_retarget.servo.predict import predict as of_log
+    from robot_retarget.tools.view.charts import predictions
+
+    servo_map = load_map(the.map_name)
+    if log.is_dir():
+        joints, fps, goals, states = read_actions(log)
+        factor = np.radians(1.0) if unit == "deg" else 1.0
+        found = ServoLog(joints, fps, factor * goals, factor * states)
+    else:
+        found = read_play_log(log)
+    made = of_log(found, servo_map, load)
+    rows = [
+        {"joint": one.joint, "model": one.model, "error_deg": round(float(np.degrees(one.error)), 3)}
+        | {"error_of_goals_deg": round(float(np.degrees(one.error_of_goals)), 3)}
+        for one in made
+    ]
+    heads = ("joint", "model", "predicted [° rms]", "goals alone [° rms]")
+    printing.show(rows, lambda _: console.table("Predicted", heads, [tuple(row.values()) for row in rows]))
+    if picture is not None:
+        write_text(picture, predictions(made, found.rate).svg)
 
 
 @command(

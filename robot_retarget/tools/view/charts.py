@@ -2,8 +2,8 @@
 
 import io
 import re
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -12,6 +12,9 @@ from robot_retarget.base.errors import install_line
 from robot_retarget.collision import Warnings
 from robot_retarget.judge.report import Report
 from robot_retarget.tools.view.picture import Unavailable
+
+if TYPE_CHECKING:
+    from robot_retarget.servo.predict import Prediction
 
 INK, FAINT, GRID = "#1f2933", "#9aa5b1", "#e4e7eb"
 WANTED, MEASURED, PLAIN, ALARM = FAINT, "#0b7285", "#e8890c", "#c92a2a"
@@ -221,6 +224,24 @@ def timeline(report: Report, warnings: Warnings | None) -> list[Chart]:
         axes.set_xlabel("time [s]")
 
     return [Chart("", _svg("timeline", 0.34 * len(shown) + 0.6, draw))]
+
+
+def predictions(found: Sequence["Prediction"], rate: float) -> Chart:
+    """Draw measured and predicted angles of the joints that are predicted worst, above each other."""
+    worst = sorted(found, key=lambda one: -one.error)[:JOINTS]
+
+    def draw(axes: Any) -> None:
+        for k, one in enumerate(worst):
+            middle, scale = one.measured.mean(), max(np.ptp(one.measured), 1e-3)
+            times = np.arange(len(one.measured)) / rate
+            for curve, colour in ((one.goals, WANTED), (one.predicted, PLAIN), (one.measured, MEASURED)):
+                axes.plot(times, (curve - middle) / scale - 1.4 * k, color=colour, linewidth=0.9)
+            text = f"{one.joint} {np.degrees(one.error):.2f}°"
+            axes.annotate(text, (0, 0.55 - 1.4 * k), xycoords=("axes fraction", "data"), color=INK)
+        axes.set_yticks([])
+        axes.set_xlabel("time [s]; grey: goals, orange: predicted, blue: measured; largest errors first (rms)")
+
+    return Chart("predicted and measured", _svg("predictions", 0.8 * len(worst) + 0.6, draw))
 
 
 def _svg(name: str, height: float, draw: Callable[[Any], None]) -> str:
