@@ -111,6 +111,22 @@ def test_a_sensor_lost_on_the_way_fades_out_and_the_motion_ends(tmp_path: Path) 
     assert any("does not answer: feedback fades out" in text for text in outcome.warnings)
 
 
+def test_a_stand_on_straight_legs_is_not_leant_and_the_motion_plays(tmp_path: Path) -> None:
+    """Straight legs move the trunk sideways by their knees alone: a lean of 3° would bend them by 71°."""
+    straight = np.array(OP3.standing())
+    bent = [name.endswith(("_hip_pitch", "_knee", "_ank_pitch")) for name in OP3.joint_names]
+    straight[OP3.qpos_index[bent]] *= 0.04
+    report = rr.simulate(hold(OP3, 0.2, qpos=straight), OP3, mode="free", draws=0, feedback=True)
+    assert report.trajectory is not None
+    plan = goal_plan(report.trajectory, OP3_MAP)
+    with emulated(tmp_path, "op3", "--lockstep", str(plan.rate)) as robot:
+        outcome = play(plan, OP3_MAP, robot.port, PlaybackOptions(end_pose=False, lockstep=True), tmp_path / "play.npz")
+    assert outcome.ended is PlaybackEnd.FINISHED, outcome.reason
+    assert [text for text in outcome.warnings if re.search("no test lean: it would turn ._knee by .*straight", text)]
+    with np.load(tmp_path / "play.npz") as log:
+        assert not (log["phase"] == list(log["phases"]).index("lean")).any()
+
+
 def mounted(*axes: str) -> ServoMap:
     """The OP3's map with another mounting of its sensor."""
     return replace(OP3_MAP, imu=replace(IMU, axes=axes))
