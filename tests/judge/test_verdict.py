@@ -10,8 +10,10 @@ from made_trajectories import hold
 
 from robot_retarget.base.errors import TrajectoryError
 from robot_retarget.judge.report import Report
+from robot_retarget.judge.report_text import facts
 from robot_retarget.judge.rollout import simulate
 from robot_retarget.judge.verdict import Badge, Thresholds, at_edge, judge
+from robot_retarget.judge.worlds import NOMINAL
 from robot_retarget.robot import load_robot
 from robot_retarget.tools.cli import console
 from robot_retarget.tools.view.page import save_page
@@ -56,6 +58,14 @@ def test_what_follows_from_another_reason_is_no_reason_of_its_own(held: Report) 
     ):
         assert any(words in reason for reason in judge({**held.figures, **figures}, most)) == named, figures
     assert [at_edge({"zmp_margin_m": share * most.zmp_margin}, most) for share in (0.5, 1.5)] == [True, False]
+
+
+def test_a_tracking_error_on_the_servos_of_the_verdict_is_not_told_as_that_of_others() -> None:
+    errors = {"tracking_rms_rad": 0.1, "nominal_tracking_rms_rad": 0.1, "plain_tracking_rms_rad": 0.2}
+    told = {what: value for what, value, _ in facts({**errors, "servos": NOMINAL})}
+    assert told["the same elsewhere"] == "11.5° goals without compensation"
+    told = {what: value for what, value, _ in facts({**errors, "servos": "drawn"})}
+    assert told["the same elsewhere"] == "5.73° modelled servos, 11.5° goals without compensation"
 
 
 def test_the_likeness_of_a_file_is_judged_as_it_was_found(tmp_path: Path) -> None:
