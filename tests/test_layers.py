@@ -40,6 +40,7 @@ LIBRARIES = {
     "casadi": ("robot/kinematics.py", "graph/", "solver/", "papers/"),
     "mujoco": (
         "robot/",
+        "base/untrusted/models_child.py",
         "scene/geoms.py",
         "scene/mjcf.py",
         "judge/",

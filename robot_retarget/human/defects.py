@@ -210,7 +210,7 @@ def smoothed(capture: Capture, rule: NoiseRule) -> Capture:
 
 @dataclass(frozen=True)
 class ScrambleRule:
-    """In captured clips of 13 exporters no more than one step in a row has so many turns, in a scrambled one 22."""
+    """Measured: in captured clips of 13 exporters no more than one step in a row has so many turns, in a scrambled one 22."""
 
     turn: float = np.pi / 4
     """From frame to frame a joint turns by more [rad]: half finds two steps in a row in one of those clips ..."""

@@ -8,12 +8,11 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.cache import cache_folder, drop_oldest, is_sound, keeping, private_cache
 from robot_retarget.base.errors import OutputError, RobotError
 from robot_retarget.base.untrusted.limits import one_line
-from robot_retarget.base.untrusted.models import require_bounded_model
+from robot_retarget.base.untrusted.models import documents, require_bounded_model
 
 # Read a robot's file to a specification: MJCF directly, URDF by MuJoCo's reader; add a missing free joint.
 
@@ -62,15 +61,27 @@ def read_spec(path: Path, freed: Quaternion | None = None) -> mujoco.MjSpec:
         RobotError: the file is no model; the message gives the place and the reason.
     """
     try:
-        require_bounded_model(path)
-        spec = urdf_spec(path) if is_urdf(path) else mjcf_spec(path)
-        for part in (*rods(spec), *scene_pairs(spec)):
-            spec.delete(part)
-        _join_root(spec)
+        require_bounded_model(path, Path(__file__))
+        spec = parsed(path)
         if freed is not None:
             set_free(spec, freed)
-    except (ValueError, OSError, ET.ParseError) as error:
+    except (ValueError, OSError, ET.ParseError, RecursionError) as error:
         raise RobotError(f"{path}: MuJoCo does not load it: {' '.join(str(error).split())}") from error
+    return spec
+
+
+def parsed(path: Path) -> mujoco.MjSpec:
+    """Return the specification of a model as the file has it, without the parts that are omitted.
+
+    Raises:
+        ValueError: MuJoCo refuses the file.
+        OSError: it cannot be read.
+        ParseError: a URDF is no XML.
+    """
+    spec = urdf_spec(path) if is_urdf(path) else mjcf_spec(path)
+    for part in (*rods(spec), *scene_pairs(spec)):
+        spec.delete(part)
+    _join_root(spec)
     return spec
 
 
@@ -162,7 +173,7 @@ def mjcf_spec(path: Path) -> mujoco.MjSpec:
     """Read an MJCF by its content; MuJoCo's reader of files knows the ending `.xml` alone."""
     if path.suffix.lower() == ".xml":
         return mujoco.MjSpec.from_file(str(path))
-    parts = {str(file.relative_to(path.parent)): file.read_bytes() for file in list(_documents(path))[1:]}
+    parts = {str(file.relative_to(path.parent)): file.read_bytes() for file in list(documents(path))[1:]}
     spec = mujoco.MjSpec.from_string(path.read_text(encoding="utf-8"), include=parts)
     spec.modelfiledir = str(path.parent)  # pyright: ignore[reportAttributeAccessIssue]
     return spec
@@ -223,6 +234,8 @@ def set_free(spec: mujoco.MjSpec, turn: Quaternion) -> None:
         spec: the specification, which changes.
         turn: rotation w x y z.
     """
+    from scipy.spatial.transform import Rotation  # takes longer to load than a model in another process to compile
+
     model = spec.compile()
     first, address = int(model.body_rootid[model.jnt_bodyid[0]]), int(model.jnt_qposadr[0])
     own = Rotation.from_quat(model.body_quat[first], scalar_first=True)
@@ -348,25 +361,11 @@ def _place(spec: mujoco.MjSpec, path: Path, freed: Quaternion | None) -> Path | 
         digest = hashlib.sha256(
             repr((mujoco.__version__, freed, assets)).encode()
         )  # a model holds the paths of its assets
-        for file in (Path(__file__), *_documents(path), *assets):
+        for file in (Path(__file__), *documents(path), *assets):
             digest.update(file.read_bytes())
     except (OSError, KeyError, ET.ParseError):
         return None
     return cache_folder() / f"{digest.hexdigest()}.mjb"
-
-
-def _documents(path: Path) -> Iterator[Path]:
-    """Yield a model file and those that it includes.
-
-    Raises:
-        FileNotFoundError: it attaches a whole model, whose assets are not listed.
-    """
-    yield path
-    for element in ET.parse(path).iter():
-        if element.tag == "include":
-            yield from _documents(path.parent / element.attrib["file"])
-        elif element.tag == "model":
-            raise FileNotFoundError(element.get("file"))
 
 
 def _assets(spec: mujoco.MjSpec) -> list[Path]:

@@ -129,8 +129,8 @@ def single(path: Path) -> BodyShape:
 
 
 def _loaded(path: Path) -> mujoco.MjModel:
-    require_bounded_model(path)
     try:
+        require_bounded_model(path)
         return mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
         raise SceneError(f"{path}: MuJoCo does not load it: {' '.join(str(error).split())}") from error

@@ -1,5 +1,6 @@
 """Robots as their files have them: URDF is loaded, a missing root joint is made up for, and both are said."""
 
+import resource
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.errors import RobotError
+from robot_retarget.base.untrusted import child, models_child
 from robot_retarget.robot import Robot, load_robot, recognise, world_points
 from robot_retarget.robot.catalog import NO_ROOT
 from robot_retarget.robot.kinematics import body_frames
@@ -192,36 +194,66 @@ def test_contact_pairs_with_the_floor_of_a_scene_are_left_out_and_stated(tmp_pat
     assert recognise(robot).names == recognise(load_robot("op3")).names
 
 
+TEXTURE = '<texture name="{}" type="{}" builtin="flat" width="9999" height="9999"/>'
 ASKING = {
-    "pixels": '<asset><texture name="t" type="2d" builtin="flat" width="30000" height="30000"/></asset>',
+    "pixels": f"<asset>{''.join(TEXTURE.format(name, '2d') for name in 'abc')}</asset>",
+    "cubes": f"<asset>{''.join(TEXTURE.format(k, 'cube') for k in range(20))}</asset>",
     "heights": '<asset><hfield name="h" nrow="30000" ncol="30000" size="1 1 1 1"/></asset>',
-    "elements": '<worldbody><replicate count="10000000" offset="1 0 0"><geom size="1"/></replicate></worldbody>',
-    "elements in each other": "<a>" * 300 + "</a>" * 300,
+    "users": '<size nuser_body="200000000"/>',
     "bodies": "<worldbody>" + "<body/>" * 3000 + "</worldbody>",
-    "memory": '<size memory="100G"/>',
+    "arena": '<size memory="100G"/>',
 }
 
 
 @pytest.mark.parametrize("what", ASKING)
 @pytest.mark.parametrize("included", [False, True])
-def test_a_model_that_asks_for_gigabytes_is_refused_before_it_is_compiled(
+def test_a_model_that_asks_for_gigabytes_is_refused_and_takes_no_memory(
     what: str, included: bool, tmp_path: Path
 ) -> None:
     own = MJCF.replace("</mujoco>", f"{ASKING[what]}</mujoco>")
     path = tmp_path / "r.xml"
     path.write_text(MJCF.replace("</mujoco>", '<include file="part.xml"/></mujoco>') if included else own)
     (tmp_path / "part.xml").write_text(f"<mujocoinclude>{ASKING[what]}</mujocoinclude>")
-    with pytest.raises(RobotError, match=rf"{'part' if included else 'r'}\.xml: line \d+: .*{what}.* more than"):
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(RobotError, match=r"r\.xml: the model asks for too much: .*more than"):
         load_robot(path)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 50_000  # kilobytes
+
+
+def test_a_model_that_takes_hours_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ten million replicas; the processor time that it may take is a fact of the process."""
+    monkeypatch.setattr(models_child, "SECONDS", 1)
+    path = tmp_path / "r.xml"
+    many = '<worldbody><replicate count="10000000" offset="1 0 0"><geom size="1"/></replicate></worldbody>'
+    path.write_text(MJCF.replace("</mujoco>", f"{many}</mujoco>"))
+    with pytest.raises(RobotError, match="asks for too much: more than 1536 MB"):
+        load_robot(path)
+
+
+def test_a_model_is_compiled_apart_once_and_a_shipped_one_never(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started: list[str] = []
+    own = child.run
+    monkeypatch.setattr(child, "run", lambda *a, **k: started.append(a[1]) or own(*a, **k))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    path = tmp_path / "r.xml"
+    path.write_text(MJCF)
+    for name in ("op3", path, "op3", path):
+        load_robot(name)
+    assert started == [str(path)]
+    path.write_text(MJCF.replace("knee", "other"))
+    load_robot(path)
+    assert started == [str(path), str(path)]
 
 
 def test_a_urdf_that_is_a_chain_without_end_or_no_text_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "r.urdf"
     path.write_text('<robot name="r">' + "<link>" * 200_000 + "</link>" * 200_000 + "</robot>")
-    with pytest.raises(RobotError, match="elements in each other"):
+    with pytest.raises(RobotError, match=r"r\.urdf: "):
         load_robot(path)
     path.write_bytes(b'<robot name="r\xf8"/>')
-    with pytest.raises(RobotError, match="UTF-8"):
+    with pytest.raises(RobotError, match=r"r\.urdf: MuJoCo does not load it: not well-formed"):
         load_robot(path)
 
 

@@ -1,110 +1,101 @@
-"""Bounds of a robot's file, checked before MuJoCo reads it: few bytes of MJCF can ask for gigabytes."""
+"""Files of models are compiled once in a process with limits, before MuJoCo reads them here."""
 
-import math
-import re
-from html import unescape
+import hashlib
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from importlib.metadata import version
 from pathlib import Path
 
-from robot_retarget.base.errors import RobotError
+from robot_retarget.base.cache import cache_folder, is_own, private_cache
+from robot_retarget.base.errors import OutputError, RobotError
+from robot_retarget.base.files import MODELS, SAMPLES, replacing
+from robot_retarget.base.untrusted import child, models_child
 
-BODIES = 2000
-"""Largest number of bodies, or of links of a URDF, replicas included; the models of MuJoCo Menagerie have up to 100."""
-ELEMENTS = 100_000
-"""Largest number of elements, replicas included; the models of Menagerie have up to 5,000."""
-DEPTH = 200
-"""Largest depth of elements in each other: MuJoCo and readers of XML descend by recursion."""
-VALUES = 6 * 4096**2
-"""Largest number of pixels of a texture, a cube of six faces, and of heights of a field."""
-MEMORY = 1 << 30
-"""Largest arena of the simulation [bytes]; MuJoCo's default is 100 times the model."""
 BYTES = 64 << 20
 """Largest model file without its meshes [bytes]."""
-COUNTED = ("replicate", "composite", "flexcomp")
-"""Elements whose `count` multiplies their content."""
-TAG = re.compile(
-    r"""<!--(?:.*?-->|.*)|<!\[CDATA\[(?:.*?\]\]>|.*)|<(/?)([\w:.-]+)((?:[^<>"'/]|"[^"]*"|'[^']*'|/(?!>))*)(/?)>?""",
-    re.DOTALL,
-)
-"""A tag, with what MuJoCo's reader forgives: files that are read need not be well-formed."""
-ATTRIBUTE = re.compile(r"""([\w:.-]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
-UNITS = {"K": 10, "M": 20, "G": 30, "T": 40, "P": 50, "E": 60}
-"""Suffixes of a size in memory, as powers of two."""
+KNOWN = "models.txt"
+"""The file of the cache with the hashes of models that were compiled."""
+MOST = 1000
+"""Number of hashes that are kept."""
 
 
-def require_bounded_model(path: Path) -> None:
-    """Require that a model file and the files that it includes stay within the bounds of this module.
+def require_bounded_model(path: Path, reader: Path | None = None) -> None:
+    """Require that a model compiles with limited memory and time.
+
+    Shipped models are trusted, and so are files that compiled before and whose text is the same.
+
+    Args:
+        path: the model.
+        reader: a module whose `parsed` reads the model; by default MuJoCo reads it.
 
     Raises:
-        RobotError: a file does not, or is no XML in UTF-8; names the line, the value and the bound.
+        RobotError: the file is too large, or the model takes more than it may.
+        ValueError: MuJoCo refuses it.
         OSError: it cannot be read.
     """
-    left, seen, total = [path], set[Path](), _Total()
-    while left:
-        file = left.pop()
-        if file in seen or not file.is_file():
-            continue  # MuJoCo names an included file that is absent
-        seen.add(file)
-        if file.stat().st_size > BYTES:
-            raise RobotError(f"{file} has {file.stat().st_size >> 20} MB without its meshes, more than {BYTES >> 20}")
-        try:
-            left += total.add(file)
-        except UnicodeDecodeError as error:
-            raise RobotError(f"{file}: MuJoCo does not load it: no text in UTF-8: {error.reason}") from error
+    if any(path.resolve().is_relative_to(folder.resolve()) for folder in (MODELS, SAMPLES)):
+        return
+    if (size := path.stat().st_size) > BYTES:
+        raise RobotError(f"{path} has {size >> 20} MB without its meshes, more than {BYTES >> 20}")
+    key = _key(path, reader)
+    known = _known()
+    if key in known:
+        return
+    code, said = child.run(
+        models_child.__file__, str(path.absolute()), str(models_child.SECONDS), *([] if reader is None else [str(reader)]),
+        patience=2 * models_child.SECONDS,
+    )  # fmt: skip
+    if code == child.BROKEN:
+        raise ValueError(said)
+    if code != 0:
+        most = f"more than {models_child.MEMORY >> 20} MB, {models_child.SECONDS} s or MuJoCo's stack"
+        raise RobotError(f"{path}: the model asks for too much: {said if code == child.TOO_MUCH and said else most}")
+    if key:
+        _keep([*known, key][-MOST:])
 
 
-class _Total:
-    """Sums over the files of a model: bodies and elements."""
-
-    def __init__(self) -> None:
-        self.elements, self.bodies = 0.0, 0.0
-
-    def add(self, file: Path) -> list[Path]:
-        """Add a file, and return the files that it includes."""
-        text, times, included = file.read_bytes().decode("utf-8-sig"), [1.0], list[Path]()
-        for found in TAG.finditer(text):
-            closing, tag, written, empty = found.groups()
-            if tag is None:
-                continue
-            if closing:
-                times = times[: max(len(times) - 1, 1)]
-                continue
-            attributes = {name: unescape(a or b or "") for name, a, b in ATTRIBUTE.findall(written)}
-            self.elements += times[-1]
-            self.bodies += times[-1] * (tag in ("body", "link"))
-            inside = times[-1] * (_product(attributes, "count") if tag in COUNTED else 1)
-            asked = {
-                "bodies": (self.bodies, BODIES),
-                "elements": (max(self.elements, inside), ELEMENTS),
-                "elements in each other": (len(times), DEPTH),
-                "pixels of a texture": (_product(attributes, "width", "height") * (tag == "texture"), VALUES),
-                "heights of a field": (_product(attributes, "nrow", "ncol") * (tag == "hfield"), VALUES),
-                "bytes of memory": (_bytes(attributes.get("memory", "")) * (tag == "size"), MEMORY),
-            }
-            for what, (count, most) in asked.items():
-                if count > most:
-                    line = 1 + text.count("\n", 0, found.start())
-                    raise RobotError(f"{file}: line {line}: {count:.4g} {what}, more than {most:,}")
-            if not empty:
-                times.append(inside)
-            if tag in ("include", "model") and "file" in attributes:
-                included.append(file.parent / attributes["file"])
-        return included
-
-
-def _product(attributes: dict[str, str], *names: str) -> float:
-    """Return the product of all numbers of some attributes, 1 without them."""
-    return math.prod(max(_number(word), 1.0) for name in names for word in attributes.get(name, "1").split())
-
-
-def _bytes(memory: str) -> float:
-    """Return a size in memory as MuJoCo writes it, such as `64M`."""
-    word = memory.strip().upper()
-    return _number(word.rstrip("KMGTPE")) * 2.0 ** UNITS.get(word[-1:], 0)
-
-
-def _number(word: str) -> float:
-    """Return a number; 0 for any other word, which MuJoCo refuses."""
+def _key(path: Path, reader: Path | None) -> str:
+    """The hash of a model's text, and of its folder where it has other files; empty for a text that only MuJoCo reads."""
+    digest, outside = hashlib.sha256(repr((version("mujoco"), reader)).encode()), False
     try:
-        return float(word)
-    except ValueError:
-        return 0.0
+        for file in documents(path):
+            digest.update(file.read_bytes())
+            tags = ET.parse(file).iter()
+            outside |= any(name.startswith("file") for tag in tags if tag.tag != "include" for name in tag.attrib)
+    except (OSError, KeyError, ET.ParseError, RecursionError):
+        return ""
+    digest.update(str(path.resolve().parent).encode() if outside else b"")
+    return digest.hexdigest()
+
+
+def documents(path: Path) -> Iterator[Path]:
+    """Yield a model file and those that it includes.
+
+    Raises:
+        FileNotFoundError: it attaches a whole model, whose assets are not listed.
+    """
+    yield path
+    for element in ET.parse(path).iter():
+        if element.tag == "include":
+            yield from documents(path.parent / element.attrib["file"])
+        elif element.tag == "model":
+            raise FileNotFoundError(element.get("file"))
+
+
+def _known() -> list[str]:
+    """The hashes of models that were compiled before."""
+    file = cache_folder() / KNOWN
+    try:
+        return file.read_text(encoding="ascii").split() if is_own(file) else []
+    except (OSError, ValueError):
+        return []
+
+
+def _keep(hashes: list[str]) -> None:
+    """Write the hashes to the cache, if that is writable."""
+    try:
+        private_cache()
+        with replacing(cache_folder() / KNOWN, mode=0o600) as scratch:
+            scratch.write_text("\n".join(hashes), encoding="ascii")
+    except (OutputError, OSError):
+        return

@@ -2,8 +2,6 @@
 
 import importlib.util
 import struct
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -11,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.base.errors import MotionError, install_line
+from robot_retarget.base.untrusted import child
 from robot_retarget.base.untrusted.arrays import load_npz
 from robot_retarget.human.capture import Capture, FileHeader, Request
 from robot_retarget.human.readers import c3d_child
@@ -64,11 +63,10 @@ def _decoded(path: Path) -> dict[str, np.ndarray]:
         raise MotionError(f"C3D files need ezc3d: {install_line('c3d')}", path)
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "points.npz"
-        command = [sys.executable, c3d_child.__file__, str(path.absolute()), str(out)]
-        done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
-        if done.returncode == c3d_child.BROKEN:
-            raise MotionError(f"not a C3D file that can be read: {done.stderr.strip().splitlines()[-1]}", path)
-        if done.returncode != 0:
+        code, said = child.run(c3d_child.__file__, str(path.absolute()), str(out), patience=2 * c3d_child.SECONDS)
+        if code == child.BROKEN:
+            raise MotionError(f"not a C3D file that can be read: {said}", path)
+        if code != 0:
             raise MotionError("not a C3D file that can be read: ezc3d crashes at it, so its counts are broken", path)
         return dict(load_npz(out).items())
 

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from robot_retarget.base.untrusted.child import BROKEN, limit
+
 MEMORY = 4 << 30
-"""Address space of the process [bytes]."""
+"""Of the process [bytes]."""
 SECONDS = 60
 """Processor time; the largest laboratory files take 10 [s]."""
-BROKEN = 3
-"""Exit code for a file that ezc3d refuses; its sentence is on stderr."""
 
 
 def decoded(path: str) -> dict[str, Any]:
@@ -37,19 +37,9 @@ def decoded(path: str) -> dict[str, Any]:
     }
 
 
-def limit() -> None:
-    """Limit memory and processor time of this process and disable its core dumps, where the system can."""
-    try:
-        import resource
-    except ImportError:
-        return
-    for kind, most in ((resource.RLIMIT_AS, MEMORY), (resource.RLIMIT_CPU, SECONDS), (resource.RLIMIT_CORE, 0)):
-        resource.setrlimit(kind, (most, most))
-
-
 def main(path: str, out: str) -> int:
     """Decode and save."""
-    limit()
+    limit(MEMORY, SECONDS)
     try:
         np.savez(out, **decoded(path))
     except (RuntimeError, OSError, ValueError, LookupError, TypeError, MemoryError, OverflowError) as error:
