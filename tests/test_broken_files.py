@@ -242,3 +242,11 @@ def test_an_integer_that_no_float_holds_is_refused(text: str, read: Any, tmp_pat
     path.write_text(text % MANY_DIGITS)
     with pytest.raises(RobotRetargetError, match=r"file\.json"):
         read(path)
+
+
+@pytest.mark.parametrize("length", [1, 1989, 1990, 1991, 30_000])
+def test_no_message_is_longer_than_a_page_and_both_its_ends_are_there(length: int) -> None:
+    said = str(RobotRetargetError(f"begin {'x' * length} end"))
+    assert len(said) == min(length + 10, 1999) if length > 1990 else len(said) == length + 10
+    assert said.startswith("begin ") and said.endswith(" end")
+    assert (" … " in said) == (length > 1990)

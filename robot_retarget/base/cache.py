@@ -16,9 +16,9 @@ from pathlib import Path
 
 from robot_retarget.base.files import folder, replacing
 
-PATIENCE = 60.0
+PATIENCE = 600.0
 """Longest time in which a file is made [s]; older temporary files are left over from processes that were killed. The
-largest function of the G1 is compiled in 4 s of a core."""
+largest function of the G1 is compiled in 4 s of a core, and in more than 60 s on a machine with much other work."""
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 PRIVATE = stat.S_IRUSR | stat.S_IWUSR
 """Permissions of the files."""

@@ -21,11 +21,17 @@ def printable(text: str, instead: Callable[[int], str] = lambda code: " ") -> st
     return "".join(c if c.isprintable() or c == "\n" else instead(ord(c)) for c in text)
 
 
+LONGEST = 2000
+"""Of a message [characters]; the longest of the package's own tests has 1,300. A message keeps its two ends."""
+
+
 class RobotRetargetError(Exception):
-    """Root of every error raised on purpose. Its message may quote a file: control characters become spaces."""
+    """Root of every error raised on purpose. Its message may quote a file: control characters become spaces, and it is cut."""
 
     def __init__(self, message: str = "", *more: object):
-        super().__init__(printable(str(message)).replace("\n", " "), *more)
+        text = printable(str(message)).replace("\n", " ")
+        half = LONGEST // 2 - 2
+        super().__init__(text if len(text) <= LONGEST else f"{text[:half]} … {text[-half:]}", *more)
 
 
 class FileError(RobotRetargetError):

@@ -45,9 +45,12 @@ class Capture:
         for values in (self.positions, self.rotations):
             if values is not None:
                 self._refuse(np.asarray(~np.isfinite(values).all(axis=2)), " is not finite")
-        if not np.isfinite(self.skeleton.offsets).all():
-            joint = int(np.argwhere(~np.isfinite(self.skeleton.offsets))[0, 0])
-            raise MotionError(f"the offset of joint {self.skeleton.names[joint]!r} is not finite", self.source)
+        lost = ~(np.abs(self.skeleton.offsets) <= FARTHEST).all(axis=1)
+        if lost.any():
+            name, offset = self.skeleton.names[int(lost.argmax())], self.skeleton.offsets[lost.argmax()]
+            raise MotionError(
+                f"the offset of joint {name!r} is {offset}, not within {FARTHEST:g} of its parent", self.source
+            )
         if self.rotations is not None:
             norms = np.sqrt(np.vecdot(self.rotations, self.rotations))
             self._refuse(np.abs(norms - 1) > UNIT, ": the quaternion is not unit")

@@ -9,14 +9,16 @@ Building the expressions takes longer than loading their libraries. A file named
 lists these libraries, so a later process loads them without building.
 """
 
+import atexit
 import hashlib
 import os
 import platform
 import re
 import shutil
+import signal
 import subprocess
 from collections.abc import Mapping, Sequence
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import casadi as ca
@@ -102,8 +104,32 @@ def _compile(function: ca.Function, compiler: str, library: Path) -> None:
     code = ca.CodeGenerator(function.name())
     code.add(function)
     with keeping(library) as scratch:
-        command = [compiler, *FLAGS, "-x", "c", "-", "-o", str(scratch), "-lm"]
-        subprocess.run(command, input=code.dump().encode(), check=True, capture_output=True, timeout=PATIENCE)
+        _run([compiler, *FLAGS, "-x", "c", "-", "-o", str(scratch), "-lm"], code.dump().encode())
+
+
+def _run(command: list[str], text: bytes) -> None:
+    """Run a compiler; end it and the processes that it started where it takes longer than `PATIENCE`, or this process ends.
+
+    Raises:
+        SubprocessError: it fails, or takes longer.
+    """
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, start_new_session=True) as running:
+        end = partial(_end, running)
+        atexit.register(end)
+        try:
+            running.communicate(text, timeout=PATIENCE)
+        finally:
+            end()
+            atexit.unregister(end)
+    if running.returncode:
+        raise subprocess.CalledProcessError(running.returncode, command)
+
+
+def _end(running: "subprocess.Popen[bytes]") -> None:
+    """End the group of a process that has not ended."""
+    if running.returncode is None and hasattr(os, "killpg"):
+        os.killpg(running.pid, signal.SIGKILL)
 
 
 PACKAGE = Path(__file__).parents[1]

@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from threading import enumerate as enumerate_threads
 
+import casadi as ca
 import numpy as np
 import pytest
 from point_functions import point_function
@@ -19,6 +20,7 @@ from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import Points, Robot, load_robot
+from robot_retarget.solver import native
 from robot_retarget.solver import problem as problem_module
 from robot_retarget.solver import solve as solve_module
 from robot_retarget.solver.limits import targets_of
@@ -281,3 +283,24 @@ def test_a_list_of_libraries_that_was_tampered_with_leads_to_a_new_build(filled:
         listing.write_text("../elsewhere model")
     assert built(case, native=True).native
     assert all("elsewhere" not in listing.read_text() for listing in filled.glob("*.libraries"))
+
+
+def test_a_compiler_that_takes_too_long_is_ended_with_what_it_started(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As `cc` starts `cc1`: a process that lives on would keep a core busy."""
+    slow = tmp_path / "slow-cc"
+    slow.write_text(f"#!/bin/sh\nsleep 300 & echo $! > {tmp_path / 'child'}\nwait\n")
+    slow.chmod(0o755)
+    monkeypatch.setenv("CC", str(slow))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(native, "PATIENCE", 0.5)
+    x = ca.SX.sym("x")
+    assert native.library_of(ca.Function("f", [x], [2 * x])) is None
+    started = int((tmp_path / "child").read_text())
+    for _ in range(50):
+        state = Path(f"/proc/{started}/stat")
+        if not state.exists() or state.read_text().split()[2] == "Z":
+            return
+        time.sleep(0.02)
+    raise AssertionError("it lives on")

@@ -21,6 +21,7 @@ from robot_retarget.robot import load_robot
 from robot_retarget.tools.cli import app, console
 from robot_retarget.tools.cli.info import examine, ports
 from robot_retarget.tools.cli.options import kind_of
+from robot_retarget.tools.cli.run import first_page
 
 WAVE = ROOT / "samples/wave.bvh"
 
@@ -260,3 +261,10 @@ def test_a_trajectory_is_looked_at_on_the_robot_that_it_names(tmp_path: Path) ->
     wander(load_robot("op3")).save(tmp_path / "moves.npz")
     done = run("view", tmp_path / "moves.npz", "--static", tmp_path / "page.html")
     assert done.returncode == 0 and (tmp_path / "page.html").is_file(), done.stderr
+
+
+def test_the_page_to_open_is_one_that_was_written() -> None:
+    """Without matplotlib there is no report."""
+    out = Path("out")
+    assert first_page(out, ["report.html", "viewer.html"]).startswith(str(out / "report.html"))
+    assert "report.html" not in first_page(out, ["trajectory.npz", "viewer.html"])

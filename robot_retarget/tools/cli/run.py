@@ -1,7 +1,7 @@
 """`run` and `demo`: everything from a motion to a judged trajectory with its report."""
 
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -186,7 +186,7 @@ def fill_folder(
     if printing.json:
         console.dump({"solution": found, "report": report.contract(), "folder": str(out), "files": files})
     say(f"wrote {', '.join(files)} in {out}")
-    say(f"next: open {out / 'report.html'} in a browser; it leads to {out / 'viewer.html'}")
+    say(f"next: open {first_page(out, files)}")
     return report.verdict
 
 
@@ -315,6 +315,16 @@ def require_source(trajectory: "rr.Trajectory", motion: "rr.Motion", force: bool
     except TrajectoryError as error:
         if not force:
             raise UsageError(f"{error}; --force accepts it") from error
+
+
+def first_page(out: Path, files: Sequence[str]) -> str:
+    """Name the page of a folder of results that shows the rest: the report, which needs matplotlib, else the viewer."""
+    viewer = out / "viewer.html"
+    return (
+        f"{out / 'report.html'} in a browser; it leads to {viewer}"
+        if "report.html" in files
+        else f"{viewer} in a browser"
+    )
 
 
 def is_robot_name(name: str) -> bool:
