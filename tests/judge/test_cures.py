@@ -58,7 +58,7 @@ ASIDE, STILL = moved("l_hip_roll", 0.5, 0.6), moved("l_hip_roll", 0.0, 1.0)
 EXAMPLES = [
     # What fails, in which mode and under which threshold, and the figures that the cure moves.
     ("tracking_rms", FAST, "pinned", {}, ("worst_joint_rms_rad", "speed_ratio")),
-    ("saturated_share", ASIDE, "free", {"saturated_share": 0.1}, ("saturated_share", "goal_step_rad")),
+    ("saturated_share", ASIDE, "free", {"saturated_share": 0.2}, ("saturated_share", "goal_step_rad")),
     ("temperature_rise", STILL, "free", {"temperature_rise": 0.1}, ("temperature_rise_K",)),
     ("penetration", WIDE, "pinned", {}, ("self_contact_depth_m", "range_excess_rad")),
     ("fell", moved("r_hip_pitch", 0.6, 0.8), "free", {}, ("fall_s",)),
