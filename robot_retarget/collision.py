@@ -1,6 +1,7 @@
 """Collision warnings by the interaction distance [Mucherino2019] of the surfaces of links, and of links and bodies around.
 
-All joints continue with their last step v, of 1/30 s, within their ranges. With d(q) the signed distance of two links
+A trajectory's own next frames are followed. In a stream, whose next frames are unknown, all joints continue with their last step v,
+of 1/30 s, within their ranges. With d(q) the signed distance of two links
 at a configuration q, the interaction distance over a horizon of H steps is
 
     D = min_{0 ≤ k ≤ H} d(q + k v),    α = 1 + the k of the minimum.
@@ -8,8 +9,8 @@ at a configuration q, the interaction distance over a horizon of H steps is
 The minimum includes fractions of a step where a hinge turns by more than `robot.kinematics.TURN` in it. A pair is flagged while
 D is at most the margin and the links approach, or when they overlap now or on the way since the previous step. A flag is held for the
 release time, so that it does not flicker. A link and a body of a scene are flagged while the link is about to be deeper in
-the body than a touch; bodies continue with their last step as well. A stretch of flagged frames is an event. Everything at a frame depends on this
-frame and earlier ones only. Pairs are evaluated once in every step, so that the frame rate does not matter.
+the body than a touch; bodies continue with their last step as well. A stretch of flagged frames is an event. In a stream, everything at
+a frame depends on this frame and earlier ones only. Pairs are evaluated once in every step, so that the frame rate does not matter.
 """
 
 import itertools
@@ -126,6 +127,9 @@ def write_csv(events: Sequence[Event], path: str | Path) -> Path:
     return files.write_csv(path, COLUMNS, rows)
 
 
+PLANNED = 0.1
+"""Horizon along known frames [s]: the time in which a person or a guard stops a robot; recall and precision stay 1.0
+(`benchmarks/warnings.md`)."""
 STEP = 1 / 30
 """Duration of a step [s]: whole frames, at least one; 1/30 s is a frame of a usual motion file."""
 
@@ -148,7 +152,7 @@ class WarnOptions:
     """
 
     horizon: float = STEP
-    """How far ahead joints continue [s]. One step serves captured motion; 0.2 s warns of smooth machine motion earlier."""
+    """How far ahead to look [s]. Of the last step, one serves captured motion and 0.2 s warns of smooth machine motion earlier."""
     margin: float = 0.008
     """Interaction distance at which a pair is flagged [m]: in fast motions of the G1 it gives a recall of 0.94 and a
     precision of 0.86, 12 mm 0.96 and 0.77 (`benchmarks/warnings.md`)."""
@@ -225,14 +229,17 @@ def warnings_of(
     options: WarnOptions | None = None,
     links: LinkDistances | None = None,
     *,
-    planned: bool = False,
+    planned: bool = True,
 ) -> Warnings:
     """Return the warnings of a whole trajectory.
 
     Args:
-        planned: take the next frames of the trajectory over the horizon; by default joints continue with their last step, as in
-            a stream, whose next frames are unknown.
+        trajectory: of the robot.
+        robot: the robot.
+        options: by default with a horizon of `PLANNED` along the trajectory's frames, and of one step without them.
         links: distances of the robot, if they are compiled already.
+        planned: take the next frames of the trajectory over the horizon. Otherwise joints continue with their last step, as in a
+            stream, whose next frames are unknown.
 
     Raises:
         TrajectoryError: it belongs to another robot, or has a single frame.
@@ -240,6 +247,7 @@ def warnings_of(
     require_same_robot(trajectory, robot)
     if len(trajectory) < 2:
         raise TrajectoryError("warnings need two frames: a step is the way from one frame to the next; got 1")
+    options = options or WarnOptions(horizon=PLANNED if planned else STEP)
     warner = Warner(robot, trajectory.fps, options, links, trajectory.scene)
     around = itertools.repeat(None) if trajectory.scene is None else trajectory.scene.poses(len(trajectory))
     reach = warner.steps * warner.span if planned else 0

@@ -9,7 +9,7 @@ from made_trajectories import hold, robot_of, wander
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.errors import TrajectoryError, UsageError
-from robot_retarget.collision import State, Warner, Warnings, WarnOptions, warnings_of, write_csv
+from robot_retarget.collision import PLANNED, State, Warner, Warnings, WarnOptions, warnings_of, write_csv
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.contacts import replay_contacts
 from robot_retarget.robot.distances import LinkDistances
@@ -34,9 +34,9 @@ def links(op3: Robot) -> LinkDistances:
 
 @pytest.fixture(scope="module")
 def waving(op3: Robot, links: LinkDistances) -> tuple[Trajectory, Warnings]:
-    """A motion of all joints that collides."""
+    """A motion of all joints that collides, and its warnings as in a stream."""
     trajectory = wander(op3, 90, 30.0)
-    return trajectory, warnings_of(trajectory, op3, links=links)
+    return trajectory, warnings_of(trajectory, op3, links=links, planned=False)
 
 
 def carts(tmp_path: Path, speed: float, fps: float = 30.0, seconds: float = 3.0) -> tuple[Trajectory, Robot]:
@@ -115,7 +115,7 @@ def test_links_that_sweep_past_each_other_between_frames_are_warned_of(
     op3: Robot, links: LinkDistances, hasty: tuple[Trajectory, np.ndarray]
 ) -> None:
     trajectory, swept = hasty
-    found = warnings_of(trajectory, op3, links=links)
+    found = warnings_of(trajectory, op3, links=links, planned=False)
     passed = swept[1:] & (found.distance[1:] > 0) & (found.distance[:-1] > 0)
     assert passed.sum() >= 3
     assert found.touching[1:][passed].all() and found.flagged[1:][passed].all()
@@ -125,7 +125,8 @@ def test_links_that_close_4_cm_in_a_frame_are_warned_of_before_or_then(
     op3: Robot, links: LinkDistances, hasty: tuple[Trajectory, np.ndarray]
 ) -> None:
     trajectory, swept = hasty
-    found, far = warnings_of(trajectory, op3, links=links), LinkDistances(op3, 0.05).along(trajectory.qpos)
+    found = warnings_of(trajectory, op3, links=links, planned=False)
+    far = LinkDistances(op3, 0.05).along(trajectory.qpos)
     closed = swept[1:] & (far[:-1] > 0.04)
     closed[0] = False  # no step is known before
     assert closed.sum() >= 3
@@ -153,7 +154,7 @@ def test_moving_the_whole_robot_changes_nothing(
     qpos[:, :3] = turn.apply(qpos[:, :3]) + np.linspace(0, 2, len(trajectory))[:, None]
     body = Rotation.from_quat(qpos[:, 3:7], scalar_first=True)
     qpos[:, 3:7] = (turn * body).as_quat(scalar_first=True)
-    moved = warnings_of(replace(trajectory, qpos=qpos), op3, links=links)
+    moved = warnings_of(replace(trajectory, qpos=qpos), op3, links=links, planned=False)
     assert moved.events == found.events
 
 
@@ -171,7 +172,7 @@ def test_the_frame_rate_changes_no_event_by_more_than_a_frame(op3: Robot, links:
 
 
 def test_a_longer_horizon_warns_no_later(op3: Robot, links: LinkDistances, waving: tuple[Trajectory, Warnings]) -> None:
-    long = warnings_of(waving[0], op3, WarnOptions(horizon=0.2), links)
+    long = warnings_of(waving[0], op3, WarnOptions(horizon=0.2), links, planned=False)
     assert (waving[1].flagged <= long.flagged).all() and (long.flagged.sum() > waving[1].flagged.sum() > 0)
 
 
@@ -179,7 +180,7 @@ def test_the_interaction_distance_is_the_least_along_the_continued_steps(
     op3: Robot, links: LinkDistances, waving: tuple[Trajectory, Warnings]
 ) -> None:
     trajectory = replace(waving[0], qpos=waving[0].qpos[:30], source_time=waving[0].source_time[:30])
-    found = warnings_of(trajectory, op3, WarnOptions(horizon=0.1), links)
+    found = warnings_of(trajectory, op3, WarnOptions(horizon=0.1), links, planned=False)
     for t in range(1, 30):
         step = trajectory.qpos[t] - trajectory.qpos[t - 1]
         k = np.arange(3 * (parts := int(parts_between(op3, step, 0 * step))) + 1) / parts
@@ -240,8 +241,8 @@ def test_a_tenth_of_a_second_ahead_planned_warnings_come_true_and_miss_no_contac
     op3: Robot, links: LinkDistances
 ) -> None:
     """Truth from the distances of the frames themselves: within 1 cm by the end of the horizon, and every touch warned of."""
-    moves, fps, ahead = wander(op3, 60, 30.0, seed=3), 30.0, 3
-    found = warnings_of(moves, op3, WarnOptions(horizon=ahead / fps, release=0.0), links, planned=True)
+    moves, ahead = wander(op3, 60, 30.0, seed=3), 3
+    found = warnings_of(moves, op3, WarnOptions(horizon=PLANNED, release=0.0), links)
     least = np.array([found.swept[t : t + ahead + 1].min(axis=0) for t in range(len(moves))])
     raised = found.flagged[:-ahead] & found.closing[:-ahead]
     assert raised.sum() > 20 and (least[:-ahead][raised] < 0.01).mean() >= 0.95

@@ -11,8 +11,10 @@ from made_trajectories import hold, wander
 from typer.testing import CliRunner
 
 from robot_retarget.base.errors import RobotRetargetError
+from robot_retarget.collision import warnings_of
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.tools.cli import app
+from robot_retarget.trajectory import load_trajectory
 
 
 @pytest.fixture(scope="module")
@@ -39,6 +41,16 @@ def test_json_holds_events_and_figures(colliding: Path, tmp_path: Path) -> None:
         assert {"pair", "first_warning", "predicted_contact", "contact", "lead_s"} <= set(event)
         assert event["contact"] is None or event["contact"] >= event["first_warning"]
     assert len((tmp_path / "w.csv").read_text().splitlines()) == 1 + len(facts["events"])
+
+
+def test_a_file_is_followed_along_its_own_frames_and_as_a_stream_where_that_is_wanted(
+    op3: Robot, colliding: Path
+) -> None:
+    moves, said = load_trajectory(colliding), dict[bool, list[Any]]()
+    for planned, words in ((True, ()), (False, ("--last-step",))):
+        said[planned] = json.loads(warn(colliding, "--json", *words))["events"]
+        assert said[planned] == [event.contract() for event in warnings_of(moves, op3, planned=planned).events]
+    assert said[True] != said[False] and warnings_of(moves, op3).events == warnings_of(moves, op3, planned=True).events
 
 
 def test_the_table_names_pairs(colliding: Path, tmp_path: Path) -> None:

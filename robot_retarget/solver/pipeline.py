@@ -154,9 +154,9 @@ def solve(
         legs: with balance, `follow` tracks the human's legs and `stand` keeps both feet in place. `auto` follows if the result is
             like the human's motion (`scores.likeness.Alike`), and otherwise stands and adds a note.
         balance: `static` keeps the centre of mass over the planted soles, `dynamic` the zero moment point. Both begin and end in
-            a balanced stand and slow the motion down where necessary. `off` changes nothing. `auto` is off for robots without a
-            servo map (next to their MJCF, or given), and static for legs that stand. For other legs it is static, and dynamic
-            where steps in static balance are unlike the human's motion.
+            a balanced stand and slow the motion down where necessary. `off` changes nothing. `auto` is static for legs that
+            stand, and off for other legs of robots without a servo map (next to their MJCF, or given). With a map it is dynamic for
+            steps and static for motions without steps; where `legs` is `follow`, static steps are the last resort.
         progress: receives (steps done, steps in all) of draft and balance together; the second number may grow.
 
     Raises:

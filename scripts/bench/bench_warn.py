@@ -10,6 +10,7 @@ import argparse
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -183,7 +184,7 @@ def accuracy(robot: rr.Robot, links: LinkDistances, groups: dict[str, list[Case]
     """A line per kind of trajectory and one for all of them."""
     options, results = WarnOptions(), []
     for kind, cases in groups.items():
-        found = [warnings_of(case.trajectory, robot, options, links) for case in cases]
+        found = [warnings_of(case.trajectory, robot, options, links, planned=False) for case in cases]
         warned = judge(cases, [one.flagged for one in found], AFTER)
         results.append(Accuracy(warned, by_distance(cases, AFTER)))
         print(results[-1].line(robot.name, kind), flush=True)
@@ -205,15 +206,15 @@ def pooled(scores: Sequence[Score]) -> Score:
 
 
 def over_horizons(robot: rr.Robot, links: LinkDistances, groups: dict[str, list[Case]]) -> None:
-    """A line per kind: recall, precision and lead at every horizon."""
-    for kind, cases in groups.items():
+    """Two lines per kind, along the last step and along the frames: recall, precision and lead at every horizon."""
+    for (kind, cases), planned in product(groups.items(), (False, True)):
         cells = []
         for horizon in HORIZONS:
             options = WarnOptions(horizon=horizon)
-            alarms = [warnings_of(case.trajectory, robot, options, links).flagged for case in cases]
+            alarms = [warnings_of(case.trajectory, robot, options, links, planned=planned).flagged for case in cases]
             score = judge(cases, alarms, AFTER)
             cells.append(f"{score.recall:.2f} / {score.precision:.2f} / {score.lead:.2f}")
-        print(f"| {robot.name} | {kind} | {' | '.join(cells)} |", flush=True)
+        print(f"| {robot.name} | {kind}{', planned' * planned} | {' | '.join(cells)} |", flush=True)
 
 
 def speed(robot: rr.Robot, links: LinkDistances, trajectory: Trajectory) -> None:

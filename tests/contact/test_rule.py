@@ -3,7 +3,17 @@
 import numpy as np
 import pytest
 
-from robot_retarget.contact.rule import JOINTS, SOLES, ContactRule, entered_runs, on_surface, touching_down
+from robot_retarget.contact.rule import (
+    JOINTS,
+    SOLES,
+    CausalContacts,
+    ContactRule,
+    entered_runs,
+    in_the_air,
+    on_surface,
+    standing,
+    touching_down,
+)
 
 
 @pytest.mark.parametrize(
@@ -45,3 +55,32 @@ def test_a_point_that_lands_touches_where_two_steps_in_a_row_are_slow_at_30_fram
     enter, stay = np.array(slowest) < JOINTS.enter_speed, np.array(slowest) < JOINTS.leave_speed
     np.testing.assert_array_equal(touching_down(points, np.zeros(61), 30.0), entered_runs(enter, stay))
     assert enter.any() and not stay.all()
+
+
+def test_a_contact_too_short_for_the_averaged_speed_stands_throughout_and_a_longer_one_while_it_is_slow() -> None:
+    """At 30 frames a second: speeds are averaged over three frames, and a foot that lands or leaves is too fast for them."""
+    for frames, least, most in ((4, 4, 4), (20, 15, 19)):
+        x = np.r_[np.arange(-12, 0), np.zeros(frames), np.arange(1, 13)] * 0.03  # 0.9 leg lengths a second around it
+        points = np.stack([x, 0 * x, np.where(x == 0, 0.0, 0.2)], axis=1)
+        found = np.flatnonzero(standing(points, points[:, 2], 30.0))
+        assert least <= len(found) <= most and np.ptp(found) == len(found) - 1 and 12 <= found[0] < 12 + frames
+
+
+def test_a_foot_is_in_the_air_where_neither_its_toe_nor_its_ankle_nor_another_foot_is_down() -> None:
+    still, up = np.zeros((30, 3)), np.r_[np.zeros(10), 0.4 * np.ones(10), np.zeros(10)]
+    points = {name: still + [[0.0, 0.0, 1.0]] * up[:, None] for name in ("l_toe", "l_ankle", "r_toe", "r_ankle")}
+    air = in_the_air(points, 1.0, 30.0)
+    assert air[12:18].all() and not air[:8].any() and not air[22:].any()
+    for name in points:
+        assert not in_the_air(points | {name: still}, 1.0, 30.0).any()
+    assert not in_the_air({"head": still + 1.5}, 1.0, 30.0).any()
+
+
+def test_a_stream_holds_a_contact_and_a_gap_for_the_shortest_time() -> None:
+    """A toe slips by 1/45 of a leg in every third frame: its averaged speed passes both thresholds within two frames."""
+    dt = 1 / 60
+    contacts = CausalContacts(("l_toe", "l_ankle"), 1.0, np.zeros((20, 2, 3)))
+    toes = [np.array([[k // 3 / 45, 0.0, 0.0], [0.0, 0.0, 0.0]]) for k in range(120)]
+    stands = np.array([contacts.step(toe, dt)["l"][0, 0] for toe in toes])
+    changes = np.flatnonzero(np.diff(stands))
+    assert len(changes) >= 5 and np.diff(changes).min() * dt >= JOINTS.shortest

@@ -79,10 +79,12 @@ def test_the_player_of_the_robot_is_at_every_keyframe_in_time(tmp_path: Path) ->
         assert np.abs(goals[10 * (t + 1) - 1] - ticks).max() <= 1
 
 
-def test_pages_of_others_with_pauses_and_servos_left_out_are_read(tmp_path: Path) -> None:
+@pytest.mark.parametrize("left_out", [0x4000, 0x4000 | 1234])
+def test_pages_of_others_with_pauses_and_servos_left_out_are_read(left_out: int, tmp_path: Path) -> None:
+    """A servo is left out by a bit beside any position."""
     robot, servos = robot_called("op3"), load_map("op3")
     pages = pages_of(export(motion_of("op3", 12.5), robot, "op3-action", tmp_path / "a.bin"))
-    pages[1].step[2].pause, pages[1].step[3].position[servos["head_pan"].id] = 20, 0x4000
+    pages[1].step[2].pause, pages[1].step[3].position[servos["head_pan"].id] = 20, left_out
     held = pages[1].step[2].position[servos["head_pan"].id]
     pages[1].header.checksum = (pages[1].header.checksum + 255 - sum(bytes(pages[1]))) % 256
     (tmp_path / "b.bin").write_bytes(b"".join(map(bytes, pages)))

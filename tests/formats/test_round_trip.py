@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 from format_moves import THERE, motion_of, robot_called
+from made_trajectories import robot_of
 
 from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.formats import FORMATS, FormatOptions, export, import_motion
 from robot_retarget.formats.io import recognised
 from robot_retarget.formats.source import TrajectorySource, sidecar_path
+from robot_retarget.trajectory import Trajectory
 
 ROUNDED = 2e-6
 """Of formats that store single precision, degrees with decimals or ticks of a file's own [m, rad]."""
@@ -108,3 +110,16 @@ def test_another_rate_keeps_the_time_of_the_motion(format: str, fps: float, tmp_
     assert back.fps == fps
     assert 0 <= motion.duration - back.duration < 1 / fps
     np.testing.assert_allclose(held(back, format)[0], held(motion, format)[0], atol=max(ROUNDED, tolerance(format)))
+
+
+def test_a_hinge_whose_range_lies_beyond_half_a_turn_comes_back_from_a_skeleton_within_it(tmp_path) -> None:
+    """A skeleton holds no whole turns: of all that fit, the one in the middle of the range is meant."""
+    text = """<mujoco><compiler angle="radian"/><worldbody><body name="trunk"><freejoint/><geom type="box" size=".1 .1 .1"/>
+    <body name="arm" pos="0 .2 0"><joint name="far" axis="0 1 0" range="3.3 6.1"/><geom type="capsule" size=".03 .1"/>
+    <body name="hand" pos="0 0 .2"><joint name="near" axis="1 0 0" range="-7 -5"/><geom type="capsule" size=".02 .05"/></body></body>
+    </body></worldbody></mujoco>"""
+    robot, qpos = robot_of(text, tmp_path / "turned.xml"), np.zeros((20, 9))
+    qpos[:, 3], qpos[:, 7], qpos[:, 8] = 1.0, np.linspace(3.4, 6.0, 20), np.linspace(-5.1, -6.9, 20)
+    moves = Trajectory(qpos, 30.0, robot.joint_names, robot.name)
+    back = import_motion(export(moves, robot, "bvh", tmp_path / "moves.bvh"), robot, "bvh")
+    np.testing.assert_allclose(back.qpos[:, 7:], qpos[:, 7:], atol=1e-5)

@@ -18,6 +18,7 @@ from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.graph.footholds import (
     Surface,
+    _edges_down,
     foothold_corners,
     footholds_of,
     median_pose,
@@ -401,3 +402,20 @@ def test_footholds_of_a_solved_walk_do_not_slide() -> None:
                 seen += 1
                 assert np.ptp(corners[start:stop, corner], axis=0).max() < 1e-3
     assert seen >= 12
+
+
+@given(st.floats(-3, 3), st.floats(-0.6, 0.6), st.floats(-0.4, 0.4), st.floats(0.0, 0.3))
+def test_both_edges_of_a_sole_on_its_toes_are_laid_down_where_they_are(
+    heading: float, pitch: float, roll: float, height: float
+) -> None:
+    """The independent way: each edge is turned about its middle into the floor's plane, and its middle is put on the floor."""
+    turn = Rotation.from_euler("ZYX", [heading, pitch, roll])
+    flat = np.array([[0.1, 0.03, 0], [0.1, -0.03, 0], [-0.05, 0.03, 0], [-0.05, -0.03, 0]])
+    corners = turn.apply(flat) + np.array([0.4, -0.2, height])
+    down = _edges_down(corners)
+    np.testing.assert_allclose(down[:, 2], 0.0, atol=1e-12)
+    for edge in (TOE, HEEL):
+        way, laid = corners[edge[0]] - corners[edge[1]], down[edge[0]] - down[edge[1]]
+        np.testing.assert_allclose(down[edge].mean(axis=0)[:2], corners[edge].mean(axis=0)[:2], atol=1e-12)
+        assert np.linalg.norm(laid) == pytest.approx(np.linalg.norm(way))
+        assert laid[:2] @ way[:2] == pytest.approx(np.linalg.norm(laid) * np.linalg.norm(way[:2]))

@@ -1,5 +1,7 @@
 """Another frame rate is the same motion."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,6 +11,7 @@ from test_bvh_write import random_motion
 
 from robot_retarget.base.errors import UsageError
 from robot_retarget.human.motion import Motion
+from robot_retarget.human.resample import at_frames
 from robot_retarget.human.skeleton import Skeleton
 
 
@@ -65,3 +68,10 @@ def test_the_same_rate_changes_nothing_and_one_frame_stays_one():
 def test_a_rate_that_makes_no_sense_is_refused(fps):
     with pytest.raises(UsageError, match="frames per second must be from 1 to 1000"):
         random_motion(0, 2, 3, False).resample(fps)
+
+
+def test_contacts_between_frames_are_those_of_the_nearest() -> None:
+    motion = replace(swing(4, 10), contacts=np.array([0, 1, 0, 1], dtype=bool)[:, None].repeat(4, axis=1))
+    at = np.array([-3.0, 0.4, 0.6, 1.4, 1.6, 2.4, 2.6, 9.0])
+    found = at_frames(motion, at, 10).contacts
+    assert found is not None and found[:, 0].tolist() == [False, False, True, True, False, False, True, True]

@@ -121,3 +121,13 @@ def test_all_outputs_show_the_same_badge(
 
 def test_a_pinned_pass_of_a_robot_with_feet_names_how_to_test_balance(held: Report) -> None:
     assert any("legs 'stand'" in note for note in held.figures["notes"])
+
+
+def test_ankles_are_called_too_soft_where_gravity_tips_the_robot_over_and_it_fell() -> None:
+    report = simulate(hold(OP3, 0.1), OP3, mode="pinned", compensate=False, others=False)
+    fell = dict(report.figures) | {"fall_s": 0.2, "fall_body": ""}
+    for stiffness, named in ((39.0, True), (41.0, False), (None, False)):
+        known = {"tipping_stiffness_Nm_rad": 40.0, "ankle_stiffness_Nm_rad": stiffness} if stiffness else {}
+        found = judge(fell | known, Thresholds())
+        assert any(reason.startswith("fell") for reason in found)
+        assert any("too soft to stand on: 39 N m/rad" in reason for reason in found) is named

@@ -113,7 +113,7 @@ def test_a_body_that_comes_to_a_robot_at_rest_is_warned_of_beforehand() -> None:
     poses[:, 0], poses[:, 3] = 0.35 - 0.005 * np.arange(50), 1.0
     still = np.repeat(OP3.standing()[None], 50, axis=0)
     scene = Scene((RigidBody("wall", wall, poses),))
-    found = warnings_of(Trajectory(still, 30.0, OP3.joint_names, OP3.name, scene=scene), OP3)
+    found = warnings_of(Trajectory(still, 30.0, OP3.joint_names, OP3.name, scene=scene), OP3, planned=False)
     own = [k for k, (_, body) in enumerate(found.pairs) if body == "wall"]
     now, ahead = found.distance[1:, own], found.ahead[1:, own]
     near = (now > 0.006) & (now < found.reach)

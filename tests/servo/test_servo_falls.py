@@ -111,3 +111,25 @@ def test_a_gyroscope_that_turns_at_rest_tips_nobody_over() -> None:
     for _ in range(1250):
         guard.goal(0, plan.angles[0])
     assert guard.trusted and not said
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize(("roll", "pitch"), [(0.2, 0.5), (0.5, 0.2)])
+def test_without_feedback_a_lean_stops_at_the_smaller_of_both_limits(roll: float, pitch: float, axis: int) -> None:
+    """It is an angle to the plan, about any axis: 0.18 rad are within 0.2, 0.22 are not."""
+    plan, noise = ServoPlan(np.zeros((1, 1)), 125.0, up=np.array([[0.0, 0.0, 1.0]])), np.random.default_rng(0)
+
+    def guarded(lean: float) -> None:
+        up = np.array([0.0, np.sin(lean), np.cos(lean)] if axis == 0 else [-np.sin(lean), 0.0, np.cos(lean)])
+
+        class Leans:
+            def read(self) -> Reading:
+                return Reading(1e-3 * noise.standard_normal(3), LEVEL.accel[2] * up)
+
+        guard = FallGuard(plan, Leans(), Imu(), Balance(stop_roll=roll, stop_pitch=pitch), lambda text: None)
+        for _ in range(250):
+            guard.goal(0, plan.angles[0])
+
+    guarded(0.18)
+    with pytest.raises(FaultError, match=r"fell: its trunk is 0\.2\d rad from the plan"):
+        guarded(0.22)

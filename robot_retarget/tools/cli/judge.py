@@ -119,9 +119,15 @@ def _origin(path: Path, robot: str, trajectory: "rr.Trajectory") -> "Origin":
 class WarnedOptions(opt.TrajectoryOptions):
     """How far ahead to look, and what to write."""
 
-    horizon: float = option("How far ahead joints continue [s]; 0.2 for smooth machine motion.", default=1 / 30)
+    horizon: float | None = option(
+        "How far ahead to look [s]; by default 0.1 along the frames of the file, 1/30 along the last step.",
+        default=None,
+    )
     planned: bool = option(
-        "Follow the next frames of the file over the horizon, in place of the last step.", default=False
+        "Follow the next frames of the file (recall and precision 1.0 on captured clips), or continue the last step, as in a "
+        "stream (recall 0.96 to 1.0, precision 0.66 to 0.94).",
+        "--planned/--last-step",
+        default=True,
     )
     output: Path | None = option("A table of the events to write (.csv).", *opt.OUT, default=None)
 
@@ -139,7 +145,7 @@ def warn(warned: WarnedOptions, robot: opt.RobotOptions, printing: opt.PrintOpti
     if output is not None:
         require_writable(output)
         require_suffix(output, ".csv", "--json prints the events as JSON")
-    ahead = WarnOptions(horizon=warned.horizon)
+    ahead = None if warned.horizon is None else WarnOptions(horizon=warned.horizon)
     found = warnings_of(
         rr.load_trajectory(warned.trajectory), robot.load(of=warned.trajectory), ahead, planned=warned.planned
     )

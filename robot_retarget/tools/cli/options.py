@@ -73,8 +73,8 @@ if TYPE_CHECKING:
 DEFAULT_ROBOT = "op3"
 ROBOT = "A shipped name (op3), an MJCF file, or a robot_descriptions name"
 BALANCE = (
-    "static (centre of mass over the soles), dynamic (zero moment point), off; auto: for robots with a servos.toml static, or "
-    "dynamic where static steps take too long; static for legs that stand."
+    "static (centre of mass over the soles), dynamic (zero moment point), off; auto: for robots with a servos.toml dynamic for "
+    "steps and static without steps; static for legs that stand; else off."
 )
 OUT = ("-o", "--out", "--output")
 

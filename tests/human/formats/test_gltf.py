@@ -247,3 +247,16 @@ def test_whole_numbers_stand_for_shares(tmp_path):
     }
     (tmp_path / "a.gltf").write_text(json.dumps(said))
     assert GltfFile.of(tmp_path / "a.gltf").numbers(0, "x")[0] == pytest.approx([-1, 0, 1, 16384 / 32767])
+
+
+@pytest.mark.parametrize("interpolation", ["STEP", "LINEAR", "CUBICSPLINE"])
+def test_a_channel_holds_its_ends(interpolation: str) -> None:
+    values = np.array([[1.0, 0.0, 0.0], [2.0, 4.0, 0.0], [3.0, 5.0, 1.0]])
+    keys = np.stack([0 * values + 7, values, 0 * values - 7], axis=1) if interpolation == "CUBICSPLINE" else values
+    channel = gltf.Channel(np.array([0.5, 1.0, 2.0]), keys, interpolation)
+    found = channel.at(np.array([-1.0, 0.5, 1.0, 2.0, 3.0, 100.0]), turns=False)
+    np.testing.assert_allclose(found, values[[0, 0, 1, 2, 2, 2]], atol=1e-9)
+    turns = Rotation.from_euler("z", [[10], [50], [90]], degrees=True).as_quat()
+    if interpolation != "CUBICSPLINE":
+        held = gltf.Channel(np.array([0.5, 1.0, 2.0]), turns, interpolation).at(np.array([0.0, 9.0]), turns=True)
+        np.testing.assert_allclose(held, turns[[0, -1]], atol=1e-9)
