@@ -130,4 +130,4 @@ def test_ankles_are_called_too_soft_where_gravity_tips_the_robot_over_and_it_fel
         known = {"tipping_stiffness_Nm_rad": 40.0, "ankle_stiffness_Nm_rad": stiffness} if stiffness else {}
         found = judge(fell | known, Thresholds())
         assert any(reason.startswith("fell") for reason in found)
-        assert any("too soft to stand on: 39 N m/rad" in reason for reason in found) is named
+        assert any("too soft to stand on" in reason for reason in found) is named
