@@ -20,6 +20,8 @@ from robot_retarget.human.skeleton import Skeleton
 AXES = ("+x", "+y", "+z", "-x", "-y", "-z")
 CUSTOM = ("+y", "+z", "+x", "-x", "-y", "-z")
 """Axes that files have up, the usual ones first; none has an axis that points down."""
+SEEN = ("+y", "+z", "-y")
+"""Axes that are up where people from video are: two of a world, and that of a camera."""
 SEGMENTS = {
     ("pelvis", "chest"): 0.497, ("neck", "head"): 0.081,
     ("hip", "knee"): 0.1, ("knee", "ankle"): 0.0465, ("ankle", "toe"): 0.0145,
@@ -83,7 +85,8 @@ class UpAxis:
 def find_up_axis(recognition: Recognition, capture: Capture, metres: float, rule: UpAxisRule | None = None) -> UpAxis:
     """Score the six signed axes of a file.
 
-    The rest pose counts only for files with rotations: without, the skeleton's offsets are those of a pose of the motion.
+    The rest pose counts only for files with rotations: without, the skeleton's offsets are those of a pose of the motion. Where
+    people from video are, it has y up whatever the world has.
 
     Args:
         metres: in the file's unit.
@@ -93,14 +96,16 @@ def find_up_axis(recognition: Recognition, capture: Capture, metres: float, rule
     positions = capture.positions
     leg = leg_length(recognition, positions)
     keypoints = recognition.place(positions)
+    with_rest = capture.rotations is not None and not capture.camera
     evidence = {
         "posture": rule.strong * _signed(_stance(recognition, keypoints).mean(axis=0)),
         "steady lowest point": -rule.strong * _lowest(positions).std(axis=0) / leg,
         "floor at height 0": rule.floor * _floor_at_zero(positions, leg, rule),
         "free fall": rule.strong * _flights(recognition, keypoints * metres, capture.fps, rule),
-        "rest pose": rule.weak
-        * (_rest(recognition, capture.skeleton) if capture.rotations is not None else np.zeros(len(AXES))),
-        "custom": -rule.weak / 2 * np.array([min(CUSTOM.index(axis), 3) for axis in AXES]),
+        "rest pose": rule.weak * (_rest(recognition, capture.skeleton) if with_rest else np.zeros(len(AXES))),
+        "custom": np.array([rule.strong * (axis in SEEN) for axis in AXES])
+        if capture.camera
+        else -rule.weak / 2 * np.array([min(CUSTOM.index(axis), 3) for axis in AXES]),
     }
     total = sum(evidence.values(), np.zeros(len(AXES)))
     order = np.argsort(-total, kind="stable")

@@ -166,7 +166,9 @@ class _DataUnpickler(pickle._Unpickler):  # the compiled one cannot stop at jobl
         elif isinstance(built, np.ndarray) and _type(state[2]).plain.hasobject:
             _, shape, _, _, objects = state
             if shape != () or built.size:
-                raise pickle.UnpicklingError("an array of several objects; only one dict or list is read")
+                raise pickle.UnpicklingError(
+                    "an array of objects, which is not plain numbers or text; only a single dict or list is read"
+                )
             self.stack[-1] = objects[0]  # type: ignore[attr-defined]
         elif isinstance(built, np.ndarray):
             _, shape, kind, fortran, data = state
@@ -187,7 +189,8 @@ class _DataUnpickler(pickle._Unpickler):  # the compiled one cannot stop at jobl
     def persistent_load(self, pid: Any) -> np.ndarray:
         """The numbers of a tensor: their type, the name of their file, the place they had, and their count."""
         _, kind, name, _, count, *_ = pid
-        data = self.storage(str(name), count * kind.itemsize)
+        plain = kind if isinstance(kind, np.dtype) else _type(kind).plain
+        data = self.storage(str(name), count * plain.itemsize)
         return self._counted(np.frombuffer(data, _head((count,), kind, len(data)).dtype, count))
 
 

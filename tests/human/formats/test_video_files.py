@@ -51,6 +51,14 @@ def test_people_from_video_are_read_level_and_where_they_were(tmp_path: Path, da
     assert program in IN_PLACE or way < (0.05 if said else 1e-3)
 
 
+@pytest.mark.parametrize("program", ["SLAHMR", "EasyMocap", "GVHMR in camera"])
+def test_a_walk_into_the_depth_is_known_to_be_seen_by_a_camera(tmp_path: Path, program: str) -> None:
+    """Its layout does not say so: the person stays near the axis of the camera, where a world may have its floor."""
+    walk = danced(read_motion(ROOT / "samples" / "walk.bvh"))
+    tilt, way, pose = errors(read_motion(WRITERS[program](tmp_path, walk), fps=30), walk)
+    assert tilt < 2 and way < 0.02 and pose < 0.03
+
+
 def test_a_person_whose_name_has_slashes_is_asked_for_as_the_note_says(tmp_path: Path, dance: Dance) -> None:
     path = WRITERS["PromptHMR"](tmp_path, dance)
     note = next(note for note in read_motion(path).notes if "ask for another" in note)
