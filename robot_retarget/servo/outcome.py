@@ -107,15 +107,26 @@ NOTICED = 0.2
 lag behind a turn, at the gain of its data sheet. A jam of a joint that moves less in the whole motion is not noticed."""
 
 
-def standstill(motion: Floats, present: Floats) -> Floats:
-    """Return the largest travel (n,) of a plan (N, n) while a joint did not move [rad]."""
-    found = np.zeros(motion.shape[1])
+STOOD = 0.3
+"""For at least this long the plan is away [s], as `cycle.STUCK`: after a step of the plan every joint stands still for a moment."""
+
+
+def standstill(motion: Floats, present: Floats, period: float) -> Floats:
+    """Return how far (n,) a plan (N, n) was for `STOOD` from where it was when a joint came to rest [rad].
+
+    Args:
+        motion: of the joints [rad].
+        present: where they are [rad].
+        period: between two rows [s].
+    """
+    found, least = np.zeros(motion.shape[1]), round(STOOD / period)
     for k, (plan, angles) in enumerate(zip(motion.T, present.T, strict=True)):
         start = 0
         while start < len(angles):
             away = np.abs(angles[start:] - angles[start]) > STILL
             end = start + int(away.argmax()) if away.any() else len(angles)
-            found[k] = max(found[k], np.ptp(plan[start:end]))
+            if end - start > least:
+                found[k] = max(found[k], np.sort(np.abs(plan[start:end] - plan[start]))[-1 - least])
             start = end
     return found
 
@@ -242,8 +253,12 @@ class Record:
         rms = np.sqrt((error**2).mean(axis=0))
         late = self.column("late")[playing]
         travel = np.ptp(self.column("motion")[playing], axis=0)
-        still = standstill(self.column("motion")[playing], self.column("present")[playing])
         periods = np.diff(self.column("time")[playing])
+        still = np.zeros(len(self.joints))
+        if periods.size:
+            still = standstill(
+                self.column("motion")[playing], self.column("present")[playing], float(np.median(periods))
+            )
         return {
             "ticks": len(self),
             "played_ticks": int(playing.sum()),

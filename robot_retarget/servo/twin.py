@@ -15,8 +15,11 @@ from robot_retarget.actuators.goals import RATE
 from robot_retarget.actuators.inertial import LEVEL, BodyMotion, Reading, VirtualImu
 from robot_retarget.actuators.map import ServoMap
 from robot_retarget.actuators.motors import MOTORS, mechanics_of
+from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import ServoError, known
 from robot_retarget.scene.geoms import add_floor
+from robot_retarget.servo.played import ServoLog
+from robot_retarget.servo.recording import HandTake
 
 # MuJoCo's viewer of the digital twin, on a display.
 
@@ -215,6 +218,32 @@ class Twin:
             "upright": float(1 - 2 * (x * x + y * y)),
             "held": self.held,
         }
+
+
+def limb_torques(source: str | Path | mujoco.MjSpec, log: ServoLog) -> Floats:
+    """Return the torques (N, n) that the limbs of a log need at their recorded angles, gears and rotors left out [N m].
+
+    The trunk is still; contacts are left out. Angles are smoothed as takes are (`HandTake.smoothed`).
+
+    Raises:
+        ServoError: the model cannot be read, or has not the joints of the log.
+    """
+    model = _compiled(source)
+    data = mujoco.MjData(model)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
+    for passive in (model.dof_damping, model.dof_frictionloss, model.dof_armature):
+        passive[:] = 0.0
+    joints = [_hinge(model, joint, source) for joint in log.joints]
+    place, dof = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
+    angles = HandTake(log.angles, log.rate).smoothed().angles
+    speeds = np.gradient(angles, 1 / log.rate, axis=0)
+    pulls = np.gradient(speeds, 1 / log.rate, axis=0)
+    torques = np.zeros_like(angles)
+    for k in range(len(angles)):
+        data.qpos[place], data.qvel[dof], data.qacc[dof] = angles[k], speeds[k], pulls[k]
+        mujoco.mj_inverse(model, data)
+        torques[k] = data.qfrc_inverse[dof]
+    return torques
 
 
 def _compiled(source: str | Path | mujoco.MjSpec) -> mujoco.MjModel:

@@ -1,11 +1,14 @@
 """A servo on a pendulum is identified from a playback: hidden parameters of the emulated one come back within 5 %."""
 
+import json
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from emulated import QUICK, emulated
+from forked import run as call
 
 from robot_retarget.actuators.map import Identified, Servo, ServoMap, dump_map, load_map
 from robot_retarget.actuators.motors import IDENTIFIED, MOTORS, Pendulum
@@ -14,8 +17,12 @@ from robot_retarget.judge.servo_model import drives_of
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.model import with_servos
 from robot_retarget.servo.bus import Bus
-from robot_retarget.servo.identify import SWING, excitation, identify
+from robot_retarget.servo.identify import SWING, excitation, from_log, identify
 from robot_retarget.servo.outcome import PlaybackOptions
+from robot_retarget.servo.plan import ServoPlan
+from robot_retarget.servo.play import play
+from robot_retarget.servo.played import read_play_log
+from robot_retarget.servo.twin import limb_torques
 
 HIDDEN = {
     "as on the OP3": (1.084, 0.045, 0.03, 800),
@@ -45,6 +52,57 @@ def test_hidden_parameters_of_an_emulated_servo_are_found_within_5_percent(tmp_p
     assert [drag, servo.armature, servo.friction] == [pytest.approx(value, rel=0.05) for value in mechanics]
     assert servo.gain == pytest.approx(gain / 800, rel=0.05)
     assert abs(found.delay) <= 1 / 125 and found.error < 1e-3
+
+
+ARM = """<mujoco model="arm"><option timestep="0.002"/><worldbody><body name="upper" pos="0 0 1"><joint name="j1" axis="0 1 0"
+solreffriction="0.004 1" solimpfriction="0.999 0.9999 0.001"/><geom type="capsule" fromto="0 0 0 0 0 -.12" size=".02" mass=".15"/>
+<body name="fore" pos="0 0 -.12"><joint name="j2" axis="0 1 0" solreffriction="0.004 1" solimpfriction="0.999 0.9999 0.001"/>
+<geom type="capsule" fromto="0 0 0 0 0 -.12" size=".02" mass=".15"/></body></body></worldbody></mujoco>"""
+
+
+def test_a_servo_is_found_from_a_playback_of_the_robot_with_its_limb_as_the_load(tmp_path: Path) -> None:
+    """Two joints move at once; the elbow carries a limb that is swung by the shoulder."""
+    real = Identified(0.12, 0.1, 0.02)
+    arm = replace(BENCH, servos=tuple(replace(BENCH["j1"], joint=f"j{k}", id=k) for k in (1, 2)))
+    (tmp_path / "arm.xml").write_text(ARM)
+    times = np.arange(1500)[:, None] / 125
+    swing = 0.5 * np.sin(2 * np.pi * (0.35 + 0.03 * times) * times) * [1, -1] + 0.2 * np.sin(
+        2 * np.pi * 1.7 * times + [0, 1]
+    )
+    words = ("--physics", "--model", str(tmp_path / "arm.xml"), "--lockstep", "125")
+    with emulated(tmp_path, replace(arm, identified={"XM430-W350": real}), *words) as emulator:
+        options = PlaybackOptions(lockstep=True, end_pose=False)
+        play(ServoPlan(swing * np.minimum(times, 1), 125.0), arm, emulator.port, options, tmp_path / "play.npz")
+    log = read_play_log(tmp_path / "play.npz")
+    loads = limb_torques(tmp_path / "arm.xml", log)
+    found = from_log(log, arm, "j1", loads[:, 0])
+    require_real(vars(found.servo), found.spread, real)
+    (tmp_path / "arm.toml").write_text(dump_map(arm), encoding="utf-8")
+    words = (
+        "--map",
+        tmp_path / "arm.toml",
+        "--joint",
+        "j2",
+        "--from",
+        tmp_path / "play.npz",
+        "--robot",
+        tmp_path / "arm.xml",
+    )
+    done = call("servos", "identify", *words, "-o", tmp_path / "new.toml", "--picture", tmp_path / "j2.svg", "--json")
+    assert done.returncode == 0, done.stderr
+    facts = json.loads(done.stdout)
+    require_real(facts, facts["standard_errors"], real)
+    assert (tmp_path / "j2.svg").read_text().startswith("<svg")
+    assert load_map(tmp_path / "new.toml").identified["XM430-W350"].friction == facts["friction"]
+    with pytest.raises(ServoError, match=r"j1 moves by 0\.0. rad in the log: 0\.4 are needed"):
+        from_log(replace(log, angles=0.05 * log.angles), arm, "j1", loads[:, 0])
+
+
+def require_real(found: dict[str, float], spread: Mapping[str, float], real: Identified) -> None:
+    """Within 5 % (friction and armature 10 %), and within two standard errors."""
+    for name, share in (("damping", 0.05), ("friction", 0.1), ("armature", 0.1), ("gain", 0.05)):
+        off = found[name] - getattr(real, name)
+        assert abs(off) < share * getattr(real, name) and abs(off) < 2 * spread[name], name
 
 
 @pytest.mark.parametrize("supply", [None, 10.8])

@@ -14,7 +14,8 @@ from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.outcome import PlaybackOptions
 from robot_retarget.servo.plan import ServoPlan
 from robot_retarget.servo.play import play
-from robot_retarget.servo.predict import ServoLog, predict, read_play_log
+from robot_retarget.servo.played import ServoLog, read_play_log
+from robot_retarget.servo.predict import predict
 
 STEP = 2 * np.pi / 4096
 MODELS = ("XM430-W350", "MX-28(2.0)", "XL430-W250")

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from robot_retarget.actuators.map import ServoMap
     from robot_retarget.actuators.motors import Pendulum
     from robot_retarget.servo.emulator.server import WireTiming
+    from robot_retarget.servo.identify import Fit
     from robot_retarget.servo.recording import HandTake
 
 servos: typer.Typer = typer.Typer(
@@ -280,11 +281,17 @@ def _trajectory(take: "HandTake", robot: "rr.Robot", servo_map: "ServoMap") -> "
 
 @options
 class IdentifyOptions(MapOutputOptions, BusOptions):
-    """The servo and its pendulum."""
+    """The servo and its load."""
 
-    joint: str = option("The joint whose servo turns the pendulum; 0 rad where it hangs.")
-    mass: float = option("Of the pendulum [kg].")
-    length: float = option("From the axis to its centre of mass [m].")
+    joint: str = option("The joint whose servo turns the pendulum, 0 rad where it hangs; or a joint of the robot.")
+    port: str = option("Serial port, or that of an emulator; not with --from.", "--port", "-p", default="")
+    source: Path | None = option("A play.npz of the robot, in place of a pendulum.", "--from", default=None)
+    robot: str | None = option(
+        "With --from: the robot's model; by default that of the map.", "--robot", "-r", default=None
+    )
+    picture: Path | None = option("With --from: predicted and played angles (.svg).", default=None)
+    mass: float = option("Of the pendulum [kg].", default=0.0)
+    length: float = option("From the axis to its centre of mass [m].", default=0.0)
     inertia: float = option("About the axis [kg m²]; by default that of a point mass.", default=0.0)
     log: Path = option("The log to write (.npz).", default=Path("identify.npz"))
 
@@ -296,7 +303,8 @@ class IdentifyOptions(MapOutputOptions, BusOptions):
 def identify(how: IdentifyOptions, printing: opt.PrintOptions) -> None:
     """Find a servo's friction, armature, damping and gain.
 
-    It moves with a known pendulum for 24 s; the model is fitted.
+    It moves with a known pendulum for 24 s; the model is fitted. Or from a playback (--from), whose limb is the load: trunk held or
+    still, limb in the air.
     """
     from robot_retarget.actuators.map import dump_map
     from robot_retarget.actuators.motors import Pendulum
@@ -304,10 +312,15 @@ def identify(how: IdentifyOptions, printing: opt.PrintOptions) -> None:
     from robot_retarget.servo.identify import identify as find
     from robot_retarget.servo.identify import with_identified
 
-    servo_map, pendulum = how.load(), Pendulum(how.mass, how.length, how.inertia)
+    servo_map = how.load()
     for path in (how.output, how.log):
         require_writable(path)
-    found = find(servo_map, how.joint, pendulum, how.port, how.log)
+    if how.source is not None:
+        found = _from_log(how, servo_map)
+    elif not how.port:
+        raise UsageError("identify needs --port with --mass and --length, or --from play.npz")
+    else:
+        found = find(servo_map, how.joint, Pendulum(how.mass, how.length, how.inertia), how.port, how.log)
     write_text(how.output, dump_map(with_identified(servo_map, how.joint, found.servo)))
     facts = {**vars(found.servo), "delay_s": round(found.delay, 5), "error_rad": round(found.error, 5)}
     facts |= {"supply_V": round(found.voltage, 2), "weight_factor": round(found.weight, 3)}
@@ -319,6 +332,30 @@ def identify(how: IdentifyOptions, printing: opt.PrintOptions) -> None:
     facts["standard_errors"] = {name: float(f"{spread:.3g}") for name, spread in found.spread.items()}
     lines += [f"at {found.voltage:.1f} V; {off}", f"wrote {how.output}"]
     printing.result({"output": str(how.output), **facts}, "\n".join(lines))
+
+
+def _from_log(how: IdentifyOptions, servo_map: "ServoMap") -> "Fit":
+    """Fit a joint of a playback, and draw what the fit predicts."""
+    from dataclasses import replace
+
+    from robot_retarget.actuators.map import Stop
+    from robot_retarget.base.files import write_text
+    from robot_retarget.servo.identify import from_log, with_identified
+    from robot_retarget.servo.played import read_play_log
+    from robot_retarget.servo.predict import predict as of_log
+    from robot_retarget.servo.twin import limb_torques
+    from robot_retarget.tools.view.charts import predictions
+
+    log = read_play_log(how.source or "")
+    servo_map[how.joint]
+    loads = limb_torques(opt.load(how.robot or servo_map.robot).spec(), log)
+    column = loads[:, log.joints.index(how.joint)]
+    found = from_log(log, servo_map, how.joint, column)
+    if how.picture is not None:
+        alone = replace(servo_map, servos=(servo_map[how.joint],), stop=Stop())
+        made = of_log(log, with_identified(alone, how.joint, found.servo), column)
+        write_text(how.picture, predictions(made, log.rate).svg)
+    return found
 
 
 @command(group=servos, epilog="Example: robot-retarget servos predict play.npz --map op3 --picture predict.svg")
@@ -338,7 +375,7 @@ def predict(
     from robot_retarget.actuators.map import load_map
     from robot_retarget.base.files import write_text
     from robot_retarget.formats.lerobot import read_actions
-    from robot_retarget.servo.predict import ServoLog, read_play_log
+    from robot_retarget.servo.played import ServoLog, read_play_log
     from robot_retarget.servo.predict import predict as of_log
     from robot_retarget.tools.view.charts import predictions
 
