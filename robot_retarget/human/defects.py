@@ -225,7 +225,7 @@ def clean_part(capture: Capture, rule: ScrambleRule) -> tuple[slice, str]:
 
     Args:
         capture: with any number of frames.
-        rule: what no body does.
+        rule: how many turns make a frame no pose.
     """
     whole = slice(0, len(capture.positions))
     if capture.rotations is None or whole.stop <= rule.steps or capture.fps < JumpRule().lowest_rate:

@@ -86,7 +86,7 @@ def find_up_axis(recognition: Recognition, capture: Capture, metres: float, rule
     """Score the six signed axes of a file.
 
     The rest pose counts only for files with rotations: without, the skeleton's offsets are those of a pose of the motion. Where
-    people from video are, it has y up whatever the world has.
+    people are from video, the rest pose has y up in every world.
 
     Args:
         metres: in the file's unit.

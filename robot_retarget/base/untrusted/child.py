@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 BROKEN, TOO_MUCH = 3, 4
-"""Exit codes for a file that the reader refuses, and for one that asks for more than a bound; the sentence is on stderr."""
+"""Exit codes for a file that the reader refuses, and for one over a bound; the sentence is on stderr."""
 
 
 def run(script: str, *arguments: str, patience: float) -> tuple[int, str]:
