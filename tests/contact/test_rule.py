@@ -70,7 +70,7 @@ def test_a_foot_is_in_the_air_where_neither_its_toe_nor_its_ankle_nor_another_fo
     still, up = np.zeros((30, 3)), np.r_[np.zeros(10), 0.4 * np.ones(10), np.zeros(10)]
     points = {name: still + [[0.0, 0.0, 1.0]] * up[:, None] for name in ("l_toe", "l_ankle", "r_toe", "r_ankle")}
     air = in_the_air(points, 1.0, 30.0)
-    assert air[12:18].all() and not air[:8].any() and not air[22:].any()
+    assert len(air) == 30 and air[12:18].all() and not air[:8].any() and not air[22:].any()
     for name in points:
         assert not in_the_air(points | {name: still}, 1.0, 30.0).any()
     assert not in_the_air({"head": still + 1.5}, 1.0, 30.0).any()

@@ -131,3 +131,14 @@ def test_ankles_are_called_too_soft_where_gravity_tips_the_robot_over_and_it_fel
         found = judge(fell | known, Thresholds())
         assert any(reason.startswith("fell") for reason in found)
         assert any("too soft to stand on" in reason for reason in found) is named
+
+
+def test_goals_beyond_what_playback_lets_through_and_links_inside_each_other_are_reasons_with_their_size() -> None:
+    figures = dict(simulate(hold(OP3, 0.1), OP3, mode="pinned", compensate=False, others=False).figures)
+    hidden = {"goal_step_joint": "l_knee", "goal_step_rad": 0.4, "goal_step_limit_rad": 0.5}
+    assert judge(figures | hidden, Thresholds()) == judge(figures, Thresholds())
+    (said,) = judge(figures | hidden | {"goal_step_rad": np.radians(30)}, Thresholds())
+    assert said.startswith("l_knee is 30") and "holds goals back beyond 28.6" in said
+    pair = {"bodies": ["l_el_link", "body_link"], "depth_m": 0.0123, "frames": 7}
+    (said,) = judge(figures | {"self_contacts": [pair], "tracked_self_contacts": []}, Thresholds())
+    assert said == "l_el_link and body_link overlap by up to 12.3 mm, touching in 7 frames"
