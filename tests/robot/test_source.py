@@ -265,7 +265,10 @@ def test_a_file_that_mujoco_reads_need_not_be_well_formed(tmp_path: Path) -> Non
 
 def test_attributes_of_a_urdf_that_are_no_numbers_are_left_alone(tmp_path: Path) -> None:
     path = as_urdf(load_robot("op3"), tmp_path / "robot.urdf")
-    path.write_text(path.read_text().replace("<box ", '<box name="left_thigh" '))
+    noted = path.read_text().replace("<box ", '<box name="left_thigh" ')
+    checked = '</link><link name="noted"><collision_checking><capsule name="test"/></collision_checking></link>'  # as LAAS writes
+    fixed = '<joint name="note" type="fixed"><parent link="body_link"/><child link="noted"/></joint></robot>'
+    path.write_text(noted.replace("</link>", checked, 1).replace("</robot>", fixed))
     assert recognise(load_robot(path)).names == recognise(load_robot("op3")).names
     path.write_text(path.read_text().replace('<box name="left_thigh" size="', '<box size="wide ', 1))
     with pytest.raises(RobotError, match=r"robot\.urdf: size of <box> is no number: 'wide [^M]*$"):
