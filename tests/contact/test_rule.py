@@ -84,3 +84,11 @@ def test_a_stream_holds_a_contact_and_a_gap_for_the_shortest_time() -> None:
     stands = np.array([contacts.step(toe, dt)["l"][0, 0] for toe in toes])
     changes = np.flatnonzero(np.diff(stands))
     assert len(changes) >= 5 and np.diff(changes).min() * dt >= JOINTS.shortest
+
+
+def test_at_a_threshold_itself_a_point_neither_enters_nor_stays() -> None:
+    for rule in (JOINTS, SOLES):
+        speed = np.array([rule.enter_speed, rule.leave_speed, 0.0, 0.0])
+        height = np.array([0.0, 0.0, rule.enter_height, rule.leave_height])
+        enter, stay = rule.triggers(speed, height)
+        assert enter.tolist() == [False] * 4 and stay.tolist() == [True, False, True, False]

@@ -10,6 +10,7 @@ from format_moves import motion_of, robot_called
 from robot_retarget.actuators.map import load_map
 from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.formats import FormatOptions, export, import_motion
+from robot_retarget.formats.servo_files import _even
 from robot_retarget.trajectory import Trajectory
 
 
@@ -104,3 +105,12 @@ def test_what_pages_cannot_hold_is_refused(tmp_path: Path) -> None:
     (tmp_path / "b.bin").write_bytes(bytes(256 * 512))
     with pytest.raises(TrajectoryError, match="page 1 has no steps"):
         import_motion(tmp_path / "b.bin", robot)
+
+
+def test_keyframes_of_unequal_times_are_at_their_times_and_last_an_hour_at_most() -> None:
+    angles, times = np.array([[0.0], [1.0], [3.0]]), np.array([1.0, 1.0, 2.0])
+    even, fps = _even(angles, times)
+    assert fps == pytest.approx(125) and len(even) == 3 * 125 + 1
+    assert [even[round(t * fps), 0] for t in (0.0, 0.48, 1.0, 2.0, 3.0)] == pytest.approx([0.0, 0.48, 1.0, 2.0, 3.0])
+    with pytest.raises(TrajectoryError, match="last 3601 s, more than 3600 s"):
+        _even(angles, np.array([1.0, 1.0, 3600.0]))

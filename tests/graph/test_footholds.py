@@ -18,6 +18,7 @@ from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.graph.footholds import (
     Surface,
+    _come_down,
     _edges_down,
     foothold_corners,
     footholds_of,
@@ -419,3 +420,15 @@ def test_both_edges_of_a_sole_on_its_toes_are_laid_down_where_they_are(
         np.testing.assert_allclose(down[edge].mean(axis=0)[:2], corners[edge].mean(axis=0)[:2], atol=1e-12)
         assert np.linalg.norm(laid) == pytest.approx(np.linalg.norm(way))
         assert laid[:2] @ way[:2] == pytest.approx(np.linalg.norm(laid) * np.linalg.norm(way[:2]))
+
+
+@given(st.floats(-3, 3), st.floats(-0.5, 0.5), st.sampled_from([TOE, HEEL, [0], [0, 1, 2, 3]]))
+def test_a_foothold_that_comes_down_keeps_the_middle_of_the_held_corners(
+    heading: float, pitch: float, held: list[int]
+) -> None:
+    flat = np.array([[0.1, 0.03, 0], [0.1, -0.03, 0], [-0.05, 0.03, 0], [-0.05, -0.03, 0]])
+    corners = Rotation.from_euler("ZY", [heading, pitch]).apply(flat) + np.array([0.4, -0.2, 0.05])
+    ahead = Rotation.from_euler("Z", heading).apply(flat)
+    down = _come_down(corners, ahead, np.isin(np.arange(4), held), None)
+    np.testing.assert_allclose(down[held, :2].mean(axis=0), corners[held, :2].mean(axis=0), atol=1e-9)
+    np.testing.assert_allclose(down - down[0], ahead - ahead[0], atol=1e-9)

@@ -221,6 +221,7 @@ def test_a_broken_field_is_named(tmp_path, given, message):
 def test_keys_that_do_not_fit_and_truncated_files_are_refused(tmp_path):
     for values, times, message in (
         (QUARTER[:1], [0, 1], "rotation: expected 2 keys of 4 numbers"),
+        (QUARTER * 3, [0, 1], "rotation: expected 2 keys of 4 numbers"),
         (QUARTER, [1, 1], "expected finite keys that rise in time"),
         ([[0, 0, 0, 0], [0, 0, 0, 1]], [0, 1], "expected unit quaternions x y z w"),
     ):
@@ -260,3 +261,15 @@ def test_a_channel_holds_its_ends(interpolation: str) -> None:
     if interpolation != "CUBICSPLINE":
         held = gltf.Channel(np.array([0.5, 1.0, 2.0]), turns, interpolation).at(np.array([0.0, 9.0]), turns=True)
         np.testing.assert_allclose(held, turns[[0, -1]], atol=1e-9)
+
+
+def test_a_node_at_rest_by_its_matrix_is_that_of_its_three_properties(tmp_path):
+    turn, place, size = Rotation.from_euler("xyz", [20, -50, 100], degrees=True), np.array([0.1, 0.7, -0.3]), 1.5
+    matrix = np.block([[size * turn.as_matrix(), place[:, None]], [np.zeros((1, 3)), np.ones((1, 1))]])
+    plain = {"translation": place.tolist(), "rotation": turn.as_quat().tolist(), "scale": [size] * 3}
+    found = [
+        gltf.read(arm(tmp_path, [0, 1], QUARTER, nodes=[{"children": [1]}, lower]), Request()).positions
+        for lower in (plain, {"matrix": matrix.T.ravel().tolist()})
+    ]
+    np.testing.assert_allclose(found[0], found[1], atol=1e-7)
+    assert np.ptp(found[0], axis=0).max() > 0.5
