@@ -204,7 +204,9 @@ class Link:
         Raises:
             FaultError: a goal may not be sent; none is.
         """
-        ticks, position = (np.where(self.limp, self.scale.low, of) for of in (goals.ticks, self.position))
+        ticks, position = goals.ticks, self.position
+        if self.limp.any():
+            ticks, position = (np.where(self.limp, self.scale.low, of) for of in (ticks, position))
         self.gate.require(ticks, position)
         self.bus.send(goals.frame + self._questions[self.fast][0].frame)
 

@@ -65,6 +65,7 @@ class Readings:
     error: np.ndarray = field(default_factory=lambda: np.zeros(4, int))
     hardware: np.ndarray = field(default_factory=lambda: np.zeros(4, int))
     torque: np.ndarray = field(default_factory=lambda: np.ones(4, bool))
+    limp: np.ndarray = field(default_factory=lambda: np.zeros(4, bool))
     voltage: np.ndarray = field(default_factory=lambda: np.full(4, 12.0))
     temperature: np.ndarray = field(default_factory=lambda: np.full(4, 40.0))
     current: np.ndarray = field(default_factory=lambda: np.zeros(4))
