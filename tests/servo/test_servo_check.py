@@ -8,7 +8,7 @@ from emulated import ARM, Emulated, emulated
 
 from robot_retarget.base.errors import ServoError
 from robot_retarget.servo.bus import Bus
-from robot_retarget.servo.check import check, fix, record_zeros
+from robot_retarget.servo.check import check, fix, record_zeros, require_fit
 
 LIMITS = ARM.limits
 
@@ -79,6 +79,23 @@ def test_a_register_is_corrected_where_the_torque_is_off(emulator: Emulated, bus
     done = fix(bus, ARM, findings)
     assert done == ["j1: return_delay_time = 0", "j2: torque is on, return_delay_time not written"]
     assert [bus.value(number, registers["return_delay_time"]) for number in (1, 2)] == [0, 100]
+
+
+def test_six_findings_are_told_and_the_others_counted(emulator: Emulated, bus: Bus) -> None:
+    emulator.do("supply 9.2")
+    emulator.spread(ARM, (1.6, 1.6, 1.6, 1.6))
+    assert len(said(bus)) == 12  # a supply, its hardware error and an angle of each servo
+    with pytest.raises(ServoError, match=r"; and 6 more$"):
+        require_fit(bus, ARM)
+
+
+def test_a_servo_in_wheel_mode_gets_the_whole_turn_of_its_ticks(emulator: Emulated, bus: Bus) -> None:
+    limit = ARM["j1"].type.registers["max_position_limit"]
+    bus.write(1, limit, 0)
+    (finding,) = check(bus, ARM)[1]
+    assert finding.grave and finding.what.startswith("no position mode: its limits are 0 and 0")
+    fix(bus, ARM, [finding])
+    assert bus.value(1, limit) == 4095 and not check(bus, ARM)[1]
 
 
 def test_limits_of_a_map_have_an_order() -> None:

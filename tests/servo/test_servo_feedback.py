@@ -6,6 +6,7 @@ import re
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import cycle
 from pathlib import Path
 
 import mujoco
@@ -16,7 +17,8 @@ from made_trajectories import hold
 from scipy.spatial.transform import Rotation
 
 import robot_retarget as rr
-from robot_retarget.actuators.balance_tables import STANDARD_GRAVITY, Imu
+from robot_retarget.actuators.balance_tables import STANDARD_GRAVITY, Balance, Imu
+from robot_retarget.actuators.feedback import Feedback
 from robot_retarget.actuators.inertial import (
     LEVEL,
     LeanTest,
@@ -32,9 +34,9 @@ from robot_retarget.base.errors import ServoError
 from robot_retarget.base.files import MODELS as SHIPPED
 from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions
-from robot_retarget.servo.plan import goal_plan
+from robot_retarget.servo.plan import ServoPlan, goal_plan
 from robot_retarget.servo.play import play
-from robot_retarget.servo.watch import LineSensor, OpenCr, decoded, encoded
+from robot_retarget.servo.watch import Balancer, LineSensor, OpenCr, decoded, encoded
 
 OP3, OP3_MAP = rr.load_robot("op3"), load_map("op3")
 IMU = OP3_MAP.imu or Imu()
@@ -277,3 +279,26 @@ def test_registers_of_a_board_hold_a_reading_however_it_is_mounted(axes: tuple[s
     found = decoded(encoded(reading, mounting), mounting)
     np.testing.assert_allclose(found.gyro, reading.gyro, atol=2e-3)
     np.testing.assert_allclose(found.accel, reading.accel, atol=1e-3)
+
+
+@pytest.mark.parametrize("shake", [0.0, 0.3])
+def test_a_trunk_that_shakes_on_the_way_to_the_first_pose_has_no_fault(shake: float) -> None:
+    """The noise of a sensor shows at rest alone: on the way, the readings are those of a body that moves."""
+    joints, signs = len(OP3.joint_names), cycle((1.0, -1.0))
+    zeros = np.zeros((joints, 2))
+    feedback = Feedback(
+        zeros, zeros, zeros[:, 0] - 3, zeros[:, 0] + 3, np.zeros((1, 4)), 0.1, 1.0, 5.0, 1, 2.0, 0.2, np.ones(2),
+        zeros[:, 0], zeros, np.zeros((joints, 2)), np.zeros((1, 2)),
+    )  # fmt: skip
+    plan = ServoPlan(np.zeros((1, joints)), 125.0, up=np.array([[0.0, 0.0, 1.0]]), feedback=feedback)
+    sensor = VirtualImu(IMU, DT, 1)
+
+    class Shaken:
+        def read(self) -> Reading:
+            return sensor.read(Reading(shake * next(signs) * np.ones(3), LEVEL.accel))
+
+    balancer = Balancer(feedback, plan, Shaken(), IMU, OP3_MAP.balance or Balance(), lambda text: None)
+    for _ in range(50):
+        balancer.listen(plan.angles[0])
+    balancer.ready()
+    assert balancer.trusted

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot_retarget.solver.descent import Box
+from robot_retarget.solver.descent import Box, _rows
 
 ANGLES = st.floats(-2, 2).map(lambda value: round(value, 3))
 
@@ -36,3 +36,9 @@ def test_an_angle_is_outside_by_its_way_to_the_box(angle: float) -> None:
     box, grid = Box(np.array([-1.0, -1.0]), np.array([1.5, 1.5])), np.linspace(-1.0, 1.5, 2501)
     found = box.outside(np.array([angle, 0.0]))
     assert abs(found - np.abs(grid - angle).min()) < 1e-3
+
+
+def test_only_the_rows_that_a_slack_relaxes_have_a_share_of_it() -> None:
+    hard, soft = np.arange(6.0).reshape(2, 3), -np.arange(3.0).reshape(1, 3)
+    whole = np.block([[hard, np.zeros((2, 1))], [soft, np.ones((1, 1))]])
+    np.testing.assert_array_equal(_rows(hard, soft), whole)
