@@ -47,7 +47,8 @@ FACTS = (
     Fact("draws", "randomised simulations", "", "with other mass, friction, servos, supply, floor and tilt"),
     Fact("tracking_rms_rad", "tracking error of all joints", "rad", "measured minus planned angle (rms), on the servos of the verdict"),
     Fact("servos", "servos of the verdict", "", "of the modelled, published and drawn ones those with the worst outcome"),
-    Fact("zmp_margin_m", "least margin of balance", "m", "of the zero moment point to the edge of the soles; below 0 it is outside, and a sole begins to tip"),
+    Fact("plan_margin_m", "least margin of the plan", "m", "of the zero moment point to the edge of the soles: it orders falls"),
+    Fact("zmp_margin_m", "least margin as simulated", "m", "of the zero moment point to the edge of the soles; below 0 it is outside, and a sole begins to tip"),
     Fact("peak_supply_current_A", "largest current", "A", "peak load of the power supply"),
     Fact("energy_J", "energy", "J", "total from the supply"),
     Fact("tracked_self_contact_share", "time in self-contact", "of all", "on the servos, intended or not"),
@@ -99,10 +100,10 @@ def judged_lines(report: Report) -> list[Line]:
         value, most = figures.get(check.figure), getattr(report.thresholds, check.threshold)
         if value is not None:
             lines.append(Line(value <= most, check.what, shown(value, check.unit), shown(most, check.unit)))
-    if figures.get("zmp_margin_m") is not None:
-        margin, least = figures["zmp_margin_m"], report.thresholds.zmp_margin
+    if figures.get("plan_margin_m") is not None:
+        margin, least = figures["plan_margin_m"], report.thresholds.zmp_margin
         lines.append(
-            Line(margin >= least, "least margin of balance", shown(margin, "m"), f"at least {shown(least, 'm')}")
+            Line(margin >= least, "least margin of the plan", shown(margin, "m"), f"at least {shown(least, 'm')}")
         )
     return lines
 

@@ -108,4 +108,6 @@ class Check(NamedTuple):
         value, bound = figures[self.figure], getattr(most, self.threshold)
         number = UNITS.get(self.unit, (1.0, ""))[0] * value
         texts = {"what": self.what, "value": shown(value, self.unit), "bound": shown(bound, self.unit)}
+        if texts["value"] == texts["bound"]:
+            texts["bound"] += f" by {shown(value - bound, self.unit)}"
         return self.sentence.format(**{**figures, **texts, "number": number})

@@ -74,8 +74,9 @@ class Result:
 
     @property
     def trajectory(self) -> Trajectory:
-        """The robot's configurations over time, with their likeness to the human's."""
-        return replace(self.solution.trajectory, likeness=self.likeness.figures())
+        """The robot's configurations over time, with their likeness to the human's and the least margin of their balance."""
+        margin = {} if self.balance is None else {"plan_margin_m": round(float(self.balance.margin.min()), 4)}
+        return replace(self.solution.trajectory, likeness={**self.likeness.figures(), **margin})
 
     def save(self, path: str | Path) -> Path:
         """Write the trajectory (`.npz`) and return its path.

@@ -64,12 +64,21 @@ def test_an_angle_that_ranges_of_joints_cost_is_not_unlike(part: str) -> None:
     assert unlikeness({**near, f"limb_rad_{part}_best": 0.28}, Thresholds())
 
 
-def test_a_pass_below_six_millimetres_of_margin_is_at_the_edge() -> None:
-    for margin, edge in ((0.0059, True), (0.0061, False), (None, False)):
-        figures = {**CALM, "zmp_margin_m": margin}
+def test_a_pass_whose_plan_has_less_than_seven_millimetres_of_margin_is_at_the_edge() -> None:
+    """Whatever the simulation has: it is near 0 in every landing."""
+    for margin, edge in ((0.0069, True), (0.0071, False), (None, False)):
+        figures = {**CALM, "plan_margin_m": margin, "zmp_margin_m": 0.0}
         assert at_edge(figures, Thresholds()) == edge
         badge = badge_of((), (), {**figures, "at_edge": edge})
-        assert badge.text == ("pass, at the edge (free)" if edge else "pass (free)")
+        how = "free" if margin is None else "free, margin 7 mm"
+        assert badge.text == (f"pass, at the edge ({how})" if edge else f"pass ({how})")
+
+
+def test_a_reason_at_an_equal_figure_states_the_difference() -> None:
+    close = judge({**CALM, "worst_joint": "l_knee", "worst_joint_rms_rad": 0.20001}, Thresholds(tracking_rms=0.2))
+    assert close == ("l_knee tracks 11.5° off (rms), more than 11.5° by 0.000573°",)
+    far = judge({**CALM, "worst_joint": "l_knee", "worst_joint_rms_rad": 0.3}, Thresholds(tracking_rms=0.2))
+    assert far == ("l_knee tracks 17.2° off (rms), more than 11.5°",)
 
 
 @pytest.mark.parametrize(("share", "told"), [(0.89, False), (0.91, True), (1.09, True), (1.11, False)])

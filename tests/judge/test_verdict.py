@@ -57,7 +57,7 @@ def test_what_follows_from_another_reason_is_no_reason_of_its_own(held: Report) 
         (fell, "slides", False),
     ):
         assert any(words in reason for reason in judge({**held.figures, **figures}, most)) == named, figures
-    assert [at_edge({"zmp_margin_m": share * most.zmp_margin}, most) for share in (0.5, 1.5)] == [True, False]
+    assert [at_edge({"plan_margin_m": share * most.zmp_margin}, most) for share in (0.5, 1.5)] == [True, False]
 
 
 def test_a_tracking_error_on_the_servos_of_the_verdict_is_not_told_as_that_of_others() -> None:

@@ -168,7 +168,7 @@ def _played_as(
         BalanceError: the result exceeds limits, or comes nearer than `MARGIN` to the edge of the support.
     """
     slowest = most.unlike_slowdown if most else np.inf
-    found = replace(paced(ik, clip, STATIC if mode == "static" else DYNAMIC, count, slowest), mode=mode)
+    found = replace(paced(ik, clip, (STATIC,) if mode == "static" else DYNAMIC, count, slowest), mode=mode)
     frames = np.round(found.timeline.at).astype(int)
     motion = at_frames(clip.graph.motion, found.timeline.at, ik.graph.fps)
     played = replace(clip.graph.at(frames), motion=motion, tracks=found.tracks)
