@@ -129,7 +129,7 @@ def test_a_walk_sways_no_farther_than_a_pendulum_that_stands_in_the_middle_of_ea
         np.abs(plan_centre(target, lever, supports, 30.0, how).centre[2 * period : -2 * period, 1]).max()
         for how in DYNAMIC
     ]
-    assert 0.2 * sway < sways[0] < sways[1] < sways[2] < sway
+    assert 0.2 * sway < sways[0] < sways[1] < sway
 
 
 def test_swings_and_shifts_of_weight_are_given_their_time_and_long_stances_are_left_alone() -> None:
