@@ -1,5 +1,6 @@
 """A draft of a map from a bus: each servo moves a little, and what a person saw makes its joint and its sign."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from robot_retarget.servo.outcome import NOTICED, PlaybackEnd, PlaybackOptions, 
 from robot_retarget.servo.plan import ServoPlan
 from robot_retarget.servo.play import play
 from robot_retarget.tools.cli import app
+from robot_retarget.tools.cli.console import show_playback
 
 LOCKSTEP = PlaybackOptions(lockstep=True)
 RANGES: dict[str, tuple[float, float]] = dict.fromkeys(("j4", "j3", "j2", "j1", "waist"), (-1.5, 1.5))
@@ -74,7 +76,9 @@ def test_a_jam_shows_in_what_stood_still_and_slow_or_rough_joints_do_not() -> No
 
 
 @pytest.mark.parametrize(("joint", "travel"), [("r_el", 0.25), ("head_pan", 0.1)])
-def test_a_jam_under_physics_holds_the_joint_and_is_noticed_or_named(tmp_path: Path, joint: str, travel: float) -> None:
+def test_a_jam_under_physics_holds_the_joint_and_is_noticed_or_named(
+    tmp_path: Path, joint: str, travel: float, capsys: pytest.CaptureFixture[str]
+) -> None:
     op3 = load_map("op3")
     rest = np.array([op3.stop.pose.get(name, 0.0) for name in op3.joints])
     swing = np.zeros((100, len(op3.joints)))
@@ -96,3 +100,5 @@ def test_a_jam_under_physics_holds_the_joint_and_is_noticed_or_named(tmp_path: P
         assert f"{joint} stood still while its plan moved by 0.2" in outcome.reason
     else:
         assert outcome.ended is PlaybackEnd.FINISHED and joint in outcome.figures["jams_unnoticed"]
+        show_playback(outcome.figures)
+        assert re.search(rf"(?s)moved too little to notice a jam .*{joint}", capsys.readouterr().out)

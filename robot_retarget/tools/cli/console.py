@@ -223,6 +223,8 @@ def show_playback(figures: dict[str, Any]) -> None:
         if (value := figures.get(name)) is not None
     ]
     rows += [(f"{joint} was limited", f"{n} ticks") for joint, n in figures.get("limited", {}).items()]
+    unnoticed = figures.get("jams_unnoticed")
+    rows += [("moved too little to notice a jam", ", ".join(unnoticed))] if unnoticed else []
     if rows:
         table("Played", ("what", "value"), rows)
 
