@@ -55,7 +55,7 @@ DYNAMIC = tuple(
     Steadiness(keep, False, 1e-5, middle, edge=edge) for keep, middle, edge in ((0.75, 0.5, 0.1), (0.55, 2.0, 0.3))
 )
 """Dynamic balance that sways least, and the one that stays up in every walk tried; a playback takes the first whose plan keeps `playback.MARGIN`. In
-`xia_neutral` on the OP3 the trunk is 6.5 and 8.4° from the human's, and the least margin of the plan 6.9 and 14.4 mm. With a jerk of 1e-4 the zero
+"xia neutral" on the OP3 the trunk is 6.5 and 8.4° from the human's, and the least margin of the plan 6.9 and 14.4 mm. With a jerk of 1e-4 the zero
 moment point of a walk moves out and in over every stance, and the body sways twice as far. With a middle of 0 it keeps to the inner edges of the
 feet, where soft servos tip the OP3 inwards: below 6 mm for 30 % of the sample walk, 3 % with 4."""
 

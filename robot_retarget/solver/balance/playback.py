@@ -185,7 +185,7 @@ SHORT = 0.6
 sample walk at 2.1 times its speed falls with 0.8 and 0.9 as well."""
 HURRIED = 1.1
 """A clip whose swings alone take more times its time keeps the last conditions: the sample walk at 2.1 times its speed (1.47) falls with the first ones
-at margins of 7.8 and 9.2 mm, and stands with the last ones at 8.2 mm; `walk01_ot` (1.02) stands in ten soft worlds with the first at 7.5 mm [-]."""
+at margins of 7.8 and 9.2 mm, and stands with the last ones at 8.2 mm; "walk01 ot" (1.02) stands in ten soft worlds with the first at 7.5 mm [-]."""
 IN_TURN = 3
 """Planting frame by frame takes about as long as this number of passes over all frames; the progress counts it as
 such."""
