@@ -219,4 +219,4 @@ CURES: dict[str, Callable[[Failing], Advice]] = {
     "contacts_lost": _touching,
     "unfinished": _finished,
 }
-"""By threshold, or by the name of a reason without one (`verdict.findings`)."""
+"""By threshold, or by the name of a reason without one (`verdict._findings`)."""

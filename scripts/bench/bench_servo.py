@@ -26,7 +26,7 @@ from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.check import check
 from robot_retarget.servo.emulator.server import TURNAROUND
 from robot_retarget.servo.host import real_time, without_sleep_states
-from robot_retarget.servo.link import READING, Link
+from robot_retarget.servo.link import Link
 from robot_retarget.servo.outcome import PlaybackOptions
 from robot_retarget.servo.plan import ServoPlan
 from robot_retarget.servo.play import play
@@ -91,13 +91,18 @@ def emulate(servo_map: ServoMap, folder: Path, *options: str) -> Iterator[str]:
         process.wait()
 
 
+def reading_size(robot: ServoMap) -> int:
+    """Return the bytes of a servo's reading."""
+    return robot.servos[0].type.layout.reading[1]
+
+
 def bare_rates(robot: ServoMap, folder: Path, seconds: float) -> None:
     """One exchange after the other, without a player: immediate, and paced by each baud rate."""
     for baud in (None, *BAUDS):
         with emulate(robot, folder, *([] if baud is None else ["--baud", str(baud)])) as port:
             for fast in (False, True):
                 rate, middle = cycles(port, replace(robot, baud=baud or robot.baud), fast, seconds)
-                limit = bus_limit(len(robot.servos), baud, READING.itemsize, fast) if baud else float("nan")
+                limit = bus_limit(len(robot.servos), baud, reading_size(robot), fast) if baud else float("nan")
                 print(
                     f"{baud or 'unpaced':>8} {'fast' if fast else 'sync'}: {rate:7.1f} Hz, limit {limit:7.1f}, "
                     f"{rate / limit:6.1%}; median {middle:7.1f} Hz, {middle / limit:6.1%}",
@@ -109,7 +114,7 @@ def played_rates(robot: ServoMap, folder: Path, seconds: float) -> None:
     """The whole player at 2 Mbps, asked for nearly all, and for all that fits on the wire."""
     with emulate(robot, folder, "--baud", "2000000") as port:
         for fast in (False, True):
-            limit = bus_limit(len(robot.servos), 2_000_000, READING.itemsize, fast)
+            limit = bus_limit(len(robot.servos), 2_000_000, reading_size(robot), fast)
             for share in (0.96, 1.0):
                 found = play_evenly(port, robot, share * limit, seconds, folder / "play.npz", fast)
                 kept = found["rate_hz"] / limit, found["median_rate_hz"] / limit
@@ -123,7 +128,9 @@ def main() -> None:
     parser.add_argument("--even", type=float, default=60.0, help="seconds of playing at 200 Hz; 0 for none")
     arguments = parser.parse_args()
     robot = load_map("op3")
-    print(f"load {os.getloadavg()}, {os.cpu_count()} cores, {len(robot.servos)} servos, read {READING.itemsize} bytes")
+    print(
+        f"load {os.getloadavg()}, {os.cpu_count()} cores, {len(robot.servos)} servos, read {reading_size(robot)} bytes"
+    )
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         if arguments.seconds:

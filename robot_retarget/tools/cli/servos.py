@@ -369,7 +369,10 @@ def predict(
     load: Annotated[float, typer.Option(help="Inertia that each joint carries [kg m²].", min=0)] = 0.0,
     picture: Annotated[Path | None, typer.Option(help="Goals, predicted and measured angles (.svg).")] = None,
 ) -> None:
-    """Predict the angles of a log from its goals with the model of the servos, and print the error of each joint."""
+    """Predict the angles of a log from its goals by the servo model.
+
+    It prints the error of each joint.
+    """
     import numpy as np
 
     from robot_retarget.actuators.map import load_map
