@@ -127,7 +127,7 @@ STRAY = 0.35
 LYING = 0.5
 """A vertical that points along the body's own axis by less than this has fallen [-]: by definition 60°, nearer to lying than to standing."""
 SIDES = ("its back", "its right side", "its feet"), ("its front", "its left side", "its head")
-"""What a body lies on whose axis x, y or z points up, and down."""
+"""The side on which a body lies while its axis x, y or z points up, and down."""
 
 
 class Monitor:
@@ -153,7 +153,7 @@ class Monitor:
 def fallen(readings: Sequence[Reading]) -> str | None:
     """Return on which side a robot lies that should stand, and how to begin again; None for one that stands or falls freely.
 
-    The direction of gravity tells it also where the robot moves a little.
+    The direction of gravity shows this for a robot that moves a little too.
     """
     force = np.mean([reading.accel for reading in readings], axis=0) if readings else np.zeros(3)
     weight = float(np.linalg.norm(force))

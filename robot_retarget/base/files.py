@@ -173,7 +173,7 @@ def made_folder(path: str | Path) -> Iterator[Path]:
 
 
 def _locked(lock: IO[str]) -> bool:
-    """Lock an open file for this process, until it is closed; return whether that succeeds. Windows has no such locks."""
+    """Lock an open file for this process, until it is closed; return whether it succeeds. On Windows it locks nothing."""
     if fcntl is None:
         return True
     try:

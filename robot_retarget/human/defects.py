@@ -221,7 +221,7 @@ class ScrambleRule:
 
 
 def clean_part(capture: Capture, rule: ScrambleRule) -> tuple[slice, str]:
-    """Return the longest part without scrambled frames, and a sentence about these; empty where there are none.
+    """Return the longest part without scrambled frames, and a sentence about these frames; it is empty for a clean motion.
 
     Args:
         capture: with any number of frames.

@@ -201,7 +201,7 @@ class Bus:
         Args:
             address: of the first byte.
             length: number of bytes.
-            ids: who is asked.
+            ids: of the servos that answer.
             chained: those that may be asked by a fast read, or a bulk read under Protocol 1.
             patience: longest wait beyond the time on the wire, for each request [s].
         """

@@ -5,7 +5,7 @@ Pure functions of bytes; nothing here knows a port. Reference: https://emanual.r
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 
-from robot_retarget.servo.protocol import BROADCAST, DynamixelPacket, Error, Instruction, Question, joined
+from robot_retarget.servo.protocol import BROADCAST, DynamixelPacket, Error, Instruction, Parser, Question, joined
 
 HEADER = b"\xff\xff"
 VERSION = 1
@@ -77,8 +77,8 @@ def answered(frames: bytes) -> bool:
     return frames[last + 4 : last + 5] != bytes((Instruction.SYNC_WRITE,))
 
 
-class ChecksumParser:
-    """Frames out of a stream of bytes; noise, broken frames and false headers are passed over.
+class ChecksumParser(Parser):
+    """Frames of Protocol 1 out of a stream of bytes.
 
     Args:
         strict: as for Protocol 2, which alone has stuffing.
@@ -86,30 +86,13 @@ class ChecksumParser:
     """
 
     def __init__(self, strict: bool = False, host: bool = False) -> None:
-        del strict
+        super().__init__(strict)
         self._host, self._sent = host, b""
-        self._buffer = bytearray()
-
-    @property
-    def pending(self) -> bytes:
-        """Bytes of an incomplete frame."""
-        return bytes(self._buffer)
 
     def clear(self, sent: bytes = b"") -> None:
         """Drop the incomplete frame; remember the frames sent."""
         self._sent = sent
-        self._buffer.clear()
-
-    def feed(self, data: bytes) -> list[DynamixelPacket]:
-        """Take in bytes; the frames they complete."""
-        self._buffer += data
-        return list(self._frames())
-
-    def give_up(self) -> list[DynamixelPacket]:
-        """The rest of the pending frame is not coming: look for frames behind its header."""
-        if self._buffer:
-            del self._buffer[0]
-        return list(self._frames())
+        super().clear()
 
     def _frames(self) -> Iterator[DynamixelPacket]:
         buffer = self._buffer

@@ -1,4 +1,4 @@
-"""A process of its own for readers that trust what a file says, with limits of memory and processor time."""
+"""Run a reader of untrusted files in a separate process, with limits of memory and processor time."""
 
 import os
 import subprocess

@@ -55,7 +55,7 @@ def require_bounded_model(path: Path, reader: Path | None = None) -> None:
 
 
 def _key(path: Path, reader: Path | None) -> str:
-    """The hash of a model's text, and of its folder where it has other files; empty for a text that only MuJoCo reads."""
+    """Return the hash of a model's text, and of its folder if it has other files; it is empty for a text that only MuJoCo reads."""
     digest, outside = hashlib.sha256(repr((version("mujoco"), reader)).encode()), False
     try:
         for file in documents(path):

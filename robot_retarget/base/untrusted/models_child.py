@@ -1,6 +1,6 @@
 """Compile a model with MuJoCo in a separate process: `python models_child.py FILE SECONDS [READER]`.
 
-MuJoCo gives a model what its file asks for: few bytes can ask for gigabytes, hours, or a stack without end.
+MuJoCo allocates the sizes that a file states: a few bytes can state gigabytes, hours of work, or an endless recursion.
 """
 
 import runpy
