@@ -8,6 +8,7 @@ from robot_retarget.base.errors import FileError, TrajectoryError, UsageError, k
 from robot_retarget.base.files import replacing, replacing_folder, require_writable, write_text
 from robot_retarget.base.untrusted.limits import refusing
 from robot_retarget.formats import (
+    action_pages,
     archives,
     lerobot,
     mujoco_files,
@@ -33,7 +34,19 @@ from robot_retarget.trajectory import load_trajectory as load_native
 
 # The table of formats: those of the modules here, in the order of `formats.toml`; a new format is a row there and `declared` in a module.
 
-_MODULES = archives, lerobot, mujoco_files, omniretarget, pickles, ros, servo_files, skeleton, tables, tracking
+_MODULES = (
+    action_pages,
+    archives,
+    lerobot,
+    mujoco_files,
+    omniretarget,
+    pickles,
+    ros,
+    servo_files,
+    skeleton,
+    tables,
+    tracking,
+)
 _FOUND = {one.name: one for module in _MODULES for one in vars(module).values() if isinstance(one, TrajectoryFormat)}
 FORMATS: dict[str, TrajectoryFormat] = {name: _FOUND[name] for name in ROWS}
 

@@ -10,7 +10,7 @@ from format_moves import motion_of, robot_called
 from robot_retarget.actuators.map import load_map
 from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.formats import FormatOptions, export, import_motion
-from robot_retarget.formats.servo_files import _even
+from robot_retarget.formats.action_pages import _even
 from robot_retarget.trajectory import Trajectory
 
 
