@@ -30,7 +30,7 @@ LAYERS = {
     "judge": {"contact", "scores", "trajectory", "robot", "solver", "actuators", "collision", "scene"},
     "servo": {"actuators", "trajectory", "scene"},
     "formats": {"actuators", "trajectory", "human", "robot", "scene", "contact"},
-    "edit": {"contact", "trajectory", "robot", "human", "graph", "solver", "formats", "judge", "scene"},
+    "edit": {"actuators", "contact", "trajectory", "robot", "human", "graph", "solver", "formats", "judge", "scene"},
     "live": {"actuators", "human", "robot", "solver", "servo", "scene"},
 }
 """Every folder and module below the commands, lower ones first, with its permitted imports in addition to `base`."""

@@ -83,6 +83,23 @@ def minimum_jerk(u: Floats) -> Floats:
     return 10 * u**3 - 15 * u**4 + 6 * u**5
 
 
+def least_jerk(u: Floats, way: Floats, before: Floats, after: Floats) -> tuple[Floats, Floats]:
+    """Return the path of least jerk over unit time from 0, and its velocity; without acceleration at both ends.
+
+    It is  v u + (10 d − 6 v − 4 w) u³ + (8 v + 7 w − 15 d) u⁴ + (6 d − 3 v − 3 w) u⁵.
+
+    Args:
+        u: time, 0 … 1.
+        way: d, the place at the end.
+        before: v, the velocity at the beginning.
+        after: w, the velocity at the end.
+    """
+    cubic, quartic = 10 * way - 6 * before - 4 * after, 8 * before + 7 * after - 15 * way
+    quintic = 6 * way - 3 * before - 3 * after
+    place = before * u + cubic * u**3 + quartic * u**4 + quintic * u**5
+    return place, before + 3 * cubic * u**2 + 4 * quartic * u**3 + 5 * quintic * u**4
+
+
 def smoothstep(u: Values) -> Values:
     """Return 3 u² − 2 u³: zero slope at both ends."""
     return u**2 * (3 - 2 * u)

@@ -11,7 +11,7 @@ floor d is at least v T / 2, with which no velocity turns back, and T is the tim
 import numpy as np
 from scipy.constants import g
 
-from robot_retarget.base.arrays import Floats
+from robot_retarget.base.arrays import Floats, least_jerk
 from robot_retarget.base.errors import UsageError
 from robot_retarget.edit.cuts import placed_by_foot
 from robot_retarget.edit.held import fixed, held, with_root
@@ -107,7 +107,7 @@ def _smooth_way(stand: Floats, path: Floats, robot: Robot, fps: float, seconds: 
     start[robot.root_address : robot.root_address + len(floor)] -= back
     change[floor] += back
     u = np.maximum(0.0, 1 - (count - np.arange(count))[:, None] / fps / lasts)
-    way = (10 * change - 4 * shift) * u**3 + (7 * shift - 15 * change) * u**4 + (6 * change - 3 * shift) * u**5
+    way, _ = least_jerk(u, change, np.zeros_like(shift), shift)
     return integrate(robot, np.tile(start, (count, 1)), way), u[:, robot.dof_index[0]]
 
 

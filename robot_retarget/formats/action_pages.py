@@ -6,6 +6,7 @@ spends three cycles between sections. `next` links the pages. The bytes of a pag
 position has the bit 0x4000 stay. `speed` / 32 is a factor of all times of a page.
 """
 
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_retarget.actuators.map import ServoMap
-from robot_retarget.base.arrays import Floats
+from robot_retarget.base.arrays import Floats, Ints
 from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.base.untrusted.limits import file_bytes
 from robot_retarget.formats.columns import Columns
@@ -56,11 +57,11 @@ def pages_in(data: bytes) -> Pages:
     return np.frombuffer(data, PAGE).copy()
 
 
-def bytes_of(pages: Pages) -> bytes:
-    """Return the bytes of pages, with their checksums."""
+def bytes_of(pages: Pages, changed: Sequence[int] = range(PAGES)) -> bytes:
+    """Return the bytes of pages, those that have changed with new checksums."""
     summed = pages.copy()
-    summed["checksum"] = 0
-    summed["checksum"] = (255 - _sums(summed)) % 256
+    summed["checksum"][changed] = 0
+    summed["checksum"][changed] = (255 - _sums(summed)[changed]) % 256
     return summed.tobytes()
 
 
@@ -96,10 +97,16 @@ def steps_of(pages: Pages, first: int = 1) -> list[tuple[int, int]]:
     return found
 
 
+def cycles_at(speed: int) -> tuple[Ints, Ints]:
+    """Return (256,) the cycles of each time of a motion, and of each time of a pause, on a page of a speed."""
+    times, factor = np.arange(256), max(int(speed), 1)
+    return times * factor // SPEED + BETWEEN, times * SPEED // factor
+
+
 def cycles_of(page: Any, step: int) -> tuple[int, int]:
     """Return the cycles of a step's motion and of its pause."""
-    speed, row = max(int(page["speed"]), 1), page["step"][step]
-    return int(row["time"]) * speed // SPEED + BETWEEN, int(row["pause"]) * SPEED // speed
+    motion, pause = cycles_at(page["speed"])
+    return int(motion[page["step"][step]["time"]]), int(pause[page["step"][step]["pause"]])
 
 
 def servo_ids(robot: Robot, servos: ServoMap) -> dict[str, int]:

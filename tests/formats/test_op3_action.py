@@ -1,10 +1,10 @@
 """Action pages of the OP3: by the C struct of its sources, its checksum, and its player's own cycle of 8 ms."""
 
-import ctypes
 from pathlib import Path
 
 import numpy as np
 import pytest
+from action_structs import Page, pages_of, write_pages
 from format_moves import motion_of, robot_called
 
 from robot_retarget.actuators.map import load_map
@@ -12,31 +12,6 @@ from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.formats import FormatOptions, export, import_motion
 from robot_retarget.formats.action_pages import _even
 from robot_retarget.trajectory import Trajectory
-
-
-class Header(ctypes.Structure):
-    """PageHeader of action_file_define.h."""
-
-    _fields_ = [
-        ("name", ctypes.c_char * 14), ("reserved1", ctypes.c_uint8), ("repeat", ctypes.c_uint8), ("schedule", ctypes.c_uint8),
-        ("reserved2", ctypes.c_uint8 * 3), ("stepnum", ctypes.c_uint8), ("reserved3", ctypes.c_uint8), ("speed", ctypes.c_uint8),
-        ("reserved4", ctypes.c_uint8), ("accel", ctypes.c_uint8), ("next", ctypes.c_uint8), ("exit", ctypes.c_uint8),
-        ("reserved5", ctypes.c_uint8 * 4), ("checksum", ctypes.c_uint8), ("pgain", ctypes.c_uint8 * 31), ("reserved6", ctypes.c_uint8),
-    ]  # fmt: skip
-
-
-class Step(ctypes.Structure):
-    _fields_ = [("position", ctypes.c_uint16 * 31), ("pause", ctypes.c_uint8), ("time", ctypes.c_uint8)]
-
-
-class Page(ctypes.Structure):
-    _fields_ = [("header", Header), ("step", Step * 7)]
-
-
-def pages_of(path: Path) -> list[Page]:
-    data = path.read_bytes()
-    assert ctypes.sizeof(Page) == 512 and len(data) == 256 * 512
-    return [Page.from_buffer_copy(data, 512 * k) for k in range(256)]
 
 
 def played(pages: list[Page], ids: list[int]) -> np.ndarray:
@@ -87,8 +62,7 @@ def test_pages_of_others_with_pauses_and_servos_left_out_are_read(left_out: int,
     pages = pages_of(export(motion_of("op3", 12.5), robot, "op3-action", tmp_path / "a.bin"))
     pages[1].step[2].pause, pages[1].step[3].position[servos["head_pan"].id] = 20, left_out
     held = pages[1].step[2].position[servos["head_pan"].id]
-    pages[1].header.checksum = (pages[1].header.checksum + 255 - sum(bytes(pages[1]))) % 256
-    (tmp_path / "b.bin").write_bytes(b"".join(map(bytes, pages)))
+    write_pages(pages, tmp_path / "b.bin")
     back = import_motion(tmp_path / "b.bin", robot)
     assert back.fps == pytest.approx(125) and back.duration == pytest.approx((13 * 10 + 20) * 0.008)
     pan = back.qpos[:, robot.qpos_index[robot.joint_names.index("head_pan")]]

@@ -1,6 +1,7 @@
 """The group `edit`: new trajectories from trajectories."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from shutil import rmtree
 from typing import Annotated, Any
@@ -192,13 +193,42 @@ def cut(
     _write(trimmed(whole, *_span("--trim", trim, 0.0, whole.duration)), to.output, printing)
 
 
-def _write(made: "rr.Trajectory", output: Path, printing: opt.PrintOptions) -> None:
+@command(group=edit, epilog="Example: robot-retarget edit keyframes motion_4095.bin#38 --robot op3 -o bye.npz")
+def keyframes(
+    file: Annotated[str, typer.Argument(help="Keyframes: .json, or FILE.bin#PAGE of ROBOTIS action pages.")],
+    robot: opt.RobotOptions,
+    on: opt.ServoOptions,
+    printing: opt.PrintOptions,
+    output: Annotated[
+        Path, typer.Option(*opt.OUT, help="The trajectory to write (.npz), or the keyframes in another layout.")
+    ],
+    fps: Annotated[float, typer.Option(min=1.0, help="Frames per second of the trajectory.")] = 50.0,
+) -> None:
+    """Make a trajectory of poses with times, least jerk between them. The result is not simulated.
+
+    Where a joint would be too fast, the way to a pose takes longer. `view --keyframes` makes such files.
+    """
+    from robot_retarget.edit.keyframe_files import keyframe_file
+    from robot_retarget.edit.keyframes import trajectory_through
+
+    model = robot.load(on.servos)
+    source = keyframe_file(file, model, on.servos)
+    if not source.poses:
+        raise UsageError(f"{file} has no keyframes" if source.path.exists() else f"there is no file {source.path}")
+    if output.suffix == ".npz":
+        made, _ = trajectory_through(source.keyframes, model, fps, source.path.name)
+        return _write(made, output, printing, made.notes)
+    wrote = keyframe_file(output, model, on.servos).holding([replace(k, step=None) for k in source.keyframes]).save()
+    printing.result({"output": str(wrote), "keyframes": len(source.keyframes)}, f"wrote {wrote}")
+
+
+def _write(made: "rr.Trajectory", output: Path, printing: opt.PrintOptions, notes: Sequence[str] = ()) -> None:
     from robot_retarget.base.files import require_writable
 
     require_writable(output)
     made.save(output)
     facts = {"output": str(output), "frames": len(made), "fps": made.fps, "duration_s": round(made.duration, 4)}
-    printing.result(facts, f"wrote {output}, {made.duration:.3g} s")
+    printing.result(facts | {"notes": [*notes]}, "\n".join([*notes, f"wrote {output}, {made.duration:.3g} s"]))
 
 
 def _span(option: str, text: str, *ends: float) -> tuple[float, float]:
