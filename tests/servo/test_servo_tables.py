@@ -1,14 +1,19 @@
 """The datasheet tables agree with the model files that dynamixel-sdk ships."""
 
+import runpy
 from pathlib import Path
 
 import dynamixel_sdk
+import numpy as np
 import pytest
+from shared_files import ROOT
 
+import robot_retarget.actuators
 from robot_retarget.actuators.control_tables import MODELS, TABLE_END, model_named, model_numbered
 from robot_retarget.actuators.motors import MOTORS
 from robot_retarget.base.errors import ServoError
 
+PACKAGE = Path(robot_retarget.actuators.__path__[0])
 SHIPPED = Path(dynamixel_sdk.__file__).parents[1] / "dynamixel_easy_sdk" / "control_table"
 
 
@@ -42,6 +47,16 @@ def test_registers_do_not_overlap_and_hold_their_defaults(name: str) -> None:
         assert register.low <= register.default <= register.high
 
 
+def test_the_page_has_every_model_with_its_protocol_its_second_source_and_its_figure() -> None:
+    page = (ROOT / "docs" / "how-to" / "my-servo.md").read_text(encoding="utf-8")
+    rows = [[cell.strip() for cell in row.split("|")[1:-1]] for row in page.splitlines() if row.startswith("| ")]
+    table = {row[0]: row[1:] for row in rows if row[0] in MODELS}
+    assert list(table) == list(MODELS)
+    for name, (protocol, layout, source, off) in table.items():
+        assert int(protocol) == MODELS[name].protocol and (PACKAGE / layout.strip("`")).is_file()
+        assert ("dynamixel-sdk" in source) == model_file(name).is_file() and float(off) < 0.3
+
+
 def test_models_are_known_by_name_with_any_connector_and_by_number() -> None:
     assert model_named("xm430-w350-R") is model_numbered(1020)
     assert model_numbered(9999) is None
@@ -54,3 +69,9 @@ def test_models_are_known_by_name_with_any_connector_and_by_number() -> None:
 def test_every_control_table_has_its_motor_and_every_motor_its_table() -> None:
     assert list(MODELS) == list(MOTORS)
     assert all(model.motor.name == name for name, model in MODELS.items())
+
+
+def test_the_figures_of_the_page_are_those_of_its_script(tmp_path: Path) -> None:
+    """The model with the largest one."""
+    script = runpy.run_path(str(ROOT / "scripts" / "bench" / "bench_servo_models.py"))
+    assert np.degrees(script["difference"]("XL430-W250", tmp_path)) == pytest.approx(0.11, abs=0.05)
