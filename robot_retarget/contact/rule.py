@@ -5,13 +5,15 @@ body, so that one rule serves bodies of every size.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import exp
 
 import numpy as np
 from scipy.ndimage import median_filter, minimum_filter1d, uniform_filter1d
 
 from robot_retarget.base.arrays import Bools, Floats, Ints, intervals, lengths
+from robot_retarget.base.keypoints import SIDES
+from robot_retarget.contact.record import ContactRecord, standing_on
 
 WINDOW = 0.6
 """A body touches the floor at least once in twice this time [s]: a jump of 1.2 s would rise 1.8 m."""
@@ -188,66 +190,57 @@ agrees with the clip in 93.6 % of the frames of six clips, with half in 95.0 and
 
 
 def contact_schedule(
-    points: Mapping[str, Floats], leg: float, fps: float, given: Bools | None = None
-) -> dict[str, Bools]:
+    points: Mapping[str, Floats], leg: float, fps: float, given: ContactRecord | None = None
+) -> ContactRecord:
     """Detect the contacts of a clip.
+
+    A foot without a toe stands on both.
 
     Args:
         points: (T, 3) per keypoint, over level ground [m]; toes and ankles are read.
         leg: length of the leg [m].
         fps: frames per second [1/s].
-        given: (T, 4) contacts that the source gives: left heel, left toe, right heel, right toe. They replace detection.
-
-    Returns:
-        Per foot (`l`, `r`) (T, 2): whether the toe stands, and whether the heel stands. A foot without a toe stands on both.
+        given: contacts that the source gives; they replace detection.
     """
     if given is not None:
-        feet = {side: given[:, [2 * k + 1, 2 * k]] for k, side in enumerate("lr") if f"{side}_ankle" in points}
-        return {side: without_flicker(own, fps) for side, own in feet.items()}
-    found: dict[str, Bools] = {}
+        return settled(given, fps)
+    feet = tuple(side for side in SIDES if points.keys() & {f"{side}_{part}" for part in PARTS})
+    stands = np.zeros((len(next(iter(points.values()))), len(feet), len(PARTS)), dtype=bool)
+    down = np.zeros(stands.shape[:2], dtype=bool)
     for column, part in enumerate(PARTS):
-        sides = [side for side in "lr" if f"{side}_{part}" in points]
-        if not sides:
-            continue
-        places = np.stack([points[f"{side}_{part}"] for side in sides], axis=1) / leg
-        height = places[:, :, 2] - JOINTS.floor_height(places[:, :, 2])
-        for k, side in enumerate(sides):
-            stands = found.setdefault(side, np.zeros((len(places), 2), dtype=bool))
-            stands[:, column] = standing(places[:, k], height[:, k], fps)
-    for side, stands in found.items():
-        if f"{side}_toe" not in points:
-            stands[:, 0] = stands[:, 1]
-    return found
+        places = {foot: points[f"{side}_{part}"] / leg for foot, side in enumerate(feet) if f"{side}_{part}" in points}
+        floor = JOINTS.floor_height(np.array([*places.values()])[..., 2]) if places else 0.0
+        for foot, place in places.items():
+            height = place[:, 2] - floor
+            stands[:, foot, column] = standing(place, height, fps)
+            down[:, foot] |= touching_down(place, height, fps)
+    blunt = [foot for foot, side in enumerate(feet) if f"{side}_toe" not in points]
+    stands[:, blunt, 0] = stands[:, blunt, 1]
+    return ContactRecord(feet, down | stands.any(axis=2), stands)
 
 
-def in_the_air(points: Mapping[str, Floats], leg: float, fps: float, given: Bools | None = None) -> Bools:
-    """Return (T,) whether neither toe nor ankle of any foot is on the ground; arguments as of `contact_schedule`."""
-    if given is not None:
-        return ~np.asarray(given.any(axis=1))
-    down = []
-    for part in PARTS:
-        places = [points[f"{side}_{part}"] / leg for side in "lr" if f"{side}_{part}" in points]
-        floor = JOINTS.floor_height(np.array(places)[..., 2]) if places else 0.0
-        down += [touching_down(place, place[:, 2] - floor, fps) for place in places]
-    return ~np.any(down, axis=0) if down else np.zeros(len(next(iter(points.values()))), dtype=bool)
+def settled(contacts: ContactRecord, fps: float) -> ContactRecord:
+    """Return contacts in which no foot stands or lets go too briefly to be true; what stands is down."""
+    stands = without_flicker(contacts.stands, fps)
+    return replace(contacts, down=contacts.down | stands.any(axis=2), stands=stands)
 
 
-def on_soles(contacts: Mapping[str, Bools], segments: Mapping[str, Floats]) -> dict[str, Bools]:
-    """Return a schedule without feet that lie on a side or on the instep.
+def on_soles(contacts: ContactRecord, segments: Mapping[str, Floats]) -> ContactRecord:
+    """Return contacts in which no foot stands that lies on a side or on the instep.
 
     A toe and a heel stand while the sole faces the floor. A toe also stands while the toes point down, and a heel while the
     heel does.
 
     Args:
-        contacts: per foot (T, 2), whether toe and heel stand.
+        contacts: of T frames.
         segments: axes of the body, with (T, 3, 3) per foot that is known.
     """
-    borne = dict(contacts)
-    for foot, stands in contacts.items():
+    stands = contacts.stands.copy()
+    for k, foot in enumerate(contacts.feet):
         if (axes := segments.get(f"{foot}_foot")) is not None:
             ahead, up = axes[:, 2, :1], axes[:, 2, 2:]
-            borne[foot] = stands & (np.maximum(ahead * DOWN, up) > TILT)
-    return borne
+            stands[:, k] &= np.maximum(ahead * DOWN, up) > TILT
+    return replace(contacts, stands=stands)
 
 
 def high_feet(heights: Floats, fps: float) -> Bools:
@@ -296,15 +289,12 @@ class CausalContacts:
         self._before: Floats | None = None
         self.frames: int = 0
 
-    def step(self, x: Floats, seconds: float) -> dict[str, Bools]:
-        """Detect the contacts of the next frame.
+    def step(self, x: Floats, seconds: float) -> ContactRecord:
+        """Detect the contacts of the next frame; a foot is down where a part of it stands.
 
         Args:
             x: (K, 3) keypoints over level ground [m].
             seconds: since the frame before [s].
-
-        Returns:
-            Per foot (1, 2): whether the toe stands, and whether the heel stands.
         """
         points = x.take(self.points, axis=0)
         self._measure_speed(points, seconds)
@@ -314,10 +304,10 @@ class CausalContacts:
         if changed.any():
             self.stands = self.stands ^ changed
             self.since[changed] = 0.0
-        found = np.zeros((len(self.feet), 1, len(PARTS)), dtype=bool)
-        found[self.rows, 0, self.columns] = self.stands
-        found[self.blunt, 0, 0] = found[self.blunt, 0, 1]
-        return dict(zip(self.feet, found, strict=True))
+        found = np.zeros((1, len(self.feet), len(PARTS)), dtype=bool)
+        found[0, self.rows, self.columns] = self.stands
+        found[0, self.blunt, 0] = found[0, self.blunt, 1]
+        return standing_on(self.feet, found)
 
     def _measure_speed(self, points: Floats, seconds: float) -> None:
         """Update the exponential average of the speeds [leg lengths / s]; it begins with the second frame."""

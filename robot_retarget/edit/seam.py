@@ -15,7 +15,6 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import JERK_PEAK, Bools, Floats, Ints
 from robot_retarget.base.errors import TrajectoryError, UsageError
-from robot_retarget.contact.rule import SOLES, on_surface
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.recognition.recognise import leg_length
 from robot_retarget.solver.balance.playback import Pacing
@@ -53,22 +52,10 @@ class Stances:
 
     motion: Motion
 
-    @cached_property
+    @property
     def down(self) -> Bools:
-        """(T, F) whether each foot is on the floor, at any speed; F = 0 for a body without soles."""
-        if self.motion.contacts is None:
-            return np.zeros((len(self.motion), 0), bool)
-        return np.stack([on_surface(self._heights(side), SOLES) for side in NAMES], axis=1)
-
-    def _heights(self, side: str) -> Floats:
-        """(T, P) of the toe and the ankle of a foot, over those of a level foot on the floor [leg lengths]."""
-        recognition, z = self.motion.recognition, self.motion.positions[..., 2]
-        ankle, toe = (recognition.marks.get(f"{side}_{part}") for part in ("ankle", "toe"))
-        assert ankle is not None
-        found = [z[:, ankle.joints[0]] - (recognition.ankle_height or 0.0)]
-        if toe is not None:
-            found.append(z[:, toe.joints[0]] - SOLES.floor_height(z[:, toe.joints[0]]))
-        return np.stack(found, axis=1) / self.leg
+        """(T, F) whether each foot is on the ground, at any speed; F = 0 for a body without soles."""
+        return np.zeros((len(self.motion), 0), bool) if self.motion.contacts is None else self.motion.contacts.down
 
     @cached_property
     def leg(self) -> float:

@@ -18,6 +18,7 @@ from robot_retarget.base.choices import Balance, Legs, Preset
 from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.base.keypoints import ARM, SIDES
 from robot_retarget.base.progress import Progress
+from robot_retarget.contact.record import joined_records
 from robot_retarget.edit.seam import Seam, Stances, found_seam, table_of
 from robot_retarget.formats import load_trajectory
 from robot_retarget.graph.weights import Weights
@@ -86,14 +87,16 @@ def _faded(before: Motion, after: Motion, seam: Seam) -> Motion:
     faded = at_frames(pairs, 2 * np.arange(count) + share, before.fps)
     if here.contacts is None or there.contacts is None:
         return faded
-    return replace(faded, contacts=here.contacts & there.contacts & ~_stepping(before, after, seam))
+    keeps = ~_stepping(before, after, seam)
+    down, stands = here.contacts.down & there.contacts.down, here.contacts.stands & there.contacts.stands
+    return replace(faded, contacts=replace(here.contacts, down=down & keeps, stands=stands & keeps[:, None]))
 
 
 def _stepping(before: Motion, after: Motion, seam: Seam) -> np.ndarray:
-    """(4,) whether left heel, left toe, right heel and right toe step during a seam."""
+    """(2,) whether the left and the right foot step during a seam."""
     table = table_of(before, after, seam)
     steps = table.gaps[0, 0] > table.slip
-    return np.repeat([steps and foot != table.anchors[0, 0] for foot in range(2)], 2)
+    return np.array([steps and foot != table.anchors[0, 0] for foot in range(2)])
 
 
 def _chained(motions: Sequence[Motion]) -> Motion:
@@ -104,7 +107,7 @@ def _chained(motions: Sequence[Motion]) -> Motion:
         motions[0],
         positions=np.concatenate([m.positions for m in motions]),
         rotations=np.concatenate(rotations),
-        contacts=np.concatenate(contacts) if contacts else None,
+        contacts=joined_records(contacts) if contacts else None,
         whole=None,
     )
 

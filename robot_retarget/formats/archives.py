@@ -30,7 +30,7 @@ CONTACTS = ("left_foot", "right_foot", "left_hand", "right_hand")
 
 def write_core(motion: RobotMotion, path: Path) -> None:
     """Write the archive."""
-    feet, found = motion.foot_contacts, motion.contacts
+    feet = motion.foot_contacts
     labels = np.stack([feet.get(name, np.zeros(len(motion), bool)) for name in CONTACTS], axis=1)
     segments = {name: np.array(intervals(labels[:, k]), np.int64).reshape(-1, 2) for k, name in enumerate(CONTACTS[:2])}
     frames, model = len(motion), hashlib.sha256(motion.robot.path.read_bytes()).hexdigest()
@@ -53,7 +53,7 @@ def write_core(motion: RobotMotion, path: Path) -> None:
         contact_labels=labels,
         contact_confidence=np.tile([float(name in feet) for name in CONTACTS], (frames, 1)),
         contact_availability=np.array([name in feet for name in CONTACTS]),
-        flight_labels=np.zeros(frames, bool) if found is None else found.flying,
+        flight_labels=motion.contacts.flying,
         left_contact_segments=segments["left_foot"],
         right_contact_segments=segments["right_foot"],
         contact_source="kinematics" if feet else "unspecified",

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats
-from robot_retarget.base.errors import MatchError, UsageError, known
-from robot_retarget.contact.soles import SoleContacts, sole_contacts
+from robot_retarget.base.errors import UsageError, known
+from robot_retarget.contact.record import ContactRecord
+from robot_retarget.contact.soles import contacts_of
 from robot_retarget.robot.model import Robot
-from robot_retarget.robot.recognise import recognise
 from robot_retarget.robot.timing import resample
 from robot_retarget.trajectory import Trajectory
 
@@ -80,23 +80,14 @@ class RobotMotion:
         return self.qpos[:, [place[joint] for joint in self.joints]]
 
     @cached_property
-    def contacts(self) -> SoleContacts | None:
-        """The contacts of the soles among the bodies around; None for a robot without feet that are recognised."""
-        try:
-            anatomy = recognise(self.robot)
-        except MatchError:
-            return None
-        found = sole_contacts(self.robot, anatomy, self.qpos, self.fps, self.trajectory.scene)
-        return found if found.feet else None
+    def contacts(self) -> ContactRecord:
+        """Which feet are on the ground."""
+        return contacts_of(self.trajectory, self.robot)
 
     @property
     def foot_contacts(self) -> dict[str, Bools]:
         """(T,) by `left_foot` and `right_foot` whether a part of the sole stands: on the ground and slow; empty without feet."""
-        found = self.contacts
-        if found is None:
-            return {}
-        stands = np.asarray(found.stands.any(axis=2))
-        return {FEET[foot]: stands[:, k] for k, foot in enumerate(found.feet)}
+        return dict(zip(map(FEET.__getitem__, self.contacts.feet), self.contacts.planted.T, strict=True))
 
     def require_plain(self, format: str) -> None:
         """Raise UsageError unless the robot has a free root and hinges only."""

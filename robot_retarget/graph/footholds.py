@@ -58,8 +58,7 @@ def footholds_of(
     soles, scene = soles_of(human, match, robot), placed_scene(human, match)
     ways = soles.places(human) if known else soles.lifted(human)
     for k, foot in enumerate(feet):
-        if foot in human.contacts:
-            held[:, k, TOE], held[:, k, HEEL] = human.contacts[foot][:, :1], human.contacts[foot][:, 1:]
+        held[:, k, TOE], held[:, k, HEEL] = np.split(human.contacts.of(foot), 2, axis=1)
         corners = ways[:, k]
         if known and scene is None:
             places[:, k] = corners
@@ -304,7 +303,7 @@ class CausalFootholds:
         away, turns = np.abs(carried - self.landed).max(axis=(1, 2)).tolist(), self._turns(carried, frame.seconds)
         priority = np.empty_like(carried)
         for k, foot in enumerate(feet):
-            wanted = tuple(human.contacts[foot][0].tolist()) if foot in human.contacts else SWING
+            wanted = tuple(human.contacts.of(foot)[0].tolist())
             stands = away[k] < self.strayed if any(self.held[k]) else self.since[k] >= RAMP
             self._change(k, wanted if stands else SWING, carried[k], frame, surfaces[k], turns[k])
             carried[k], priority[k] = self._standing(k) if any(self.held[k]) else self._swinging(k, carried[k])

@@ -35,7 +35,7 @@ class Capture:
     source: str
     notes: tuple[str, ...] = ()
     contacts: Bools | None = None
-    """(T, 4) as `Motion.contacts`, where the file says them."""
+    """(T, 4) whether left heel, left toe, right heel and right toe stand, where the file says them."""
     up: str | None = None
     """The signed axis that points up, such as `+y`, where the format fixes it; else it is inferred from the poses."""
     camera: bool = False

@@ -7,16 +7,16 @@ import numpy as np
 from scipy.constants import g
 
 from robot_retarget.base.arrays import Bools, Floats, Ints, intervals, leftward
-from robot_retarget.base.errors import BalanceError, MotionError
+from robot_retarget.base.errors import MotionError
+from robot_retarget.contact.record import ContactRecord
 from robot_retarget.contact.rule import (
     JOINTS,
     contact_schedule,
-    high_feet,
-    in_the_air,
     lowest_over_time,
     on_soles,
-    without_flicker,
+    settled,
 )
+from robot_retarget.human.activity import Activity, ActivityRule, activity_of, is_flying, is_supported, not_standing
 from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.segments import (
@@ -35,90 +35,6 @@ FALL = 0.4
 """Flights of five captures have the acceleration g within 0.22 of it; the pelvis is not the centre of mass [-]."""
 FEWEST = 2
 """Frames of the shortest flight: 2, whose mean acceleration needs a frame to either side."""
-
-# Activity of the feet: in place, stepping, flight, or supported by an object that the robot does not have.
-
-IN_PLACE, STEPPING, FLIGHT, SUPPORTED = "in place", "stepping", "flight", "supported"
-
-
-@dataclass(frozen=True)
-class ActivityRule:
-    """Thresholds; lengths in leg lengths of the human."""
-
-    brief: float = 0.1
-    """Activities with a smaller share of the time are ignored [-]: single steps in place, brief support. Half and double
-    change none of 13 clips."""
-    low: float = 0.62
-    """A supported human has the pelvis lower than this share of its usual height [-] (half and double change none of 13
-    clips) ..."""
-    seat_offset: float = 0.3
-    """... and farther from the middle of the feet along the floor than this: on a chair, or on hands. Half finds the
-    same in 21 clips; double loses the chair."""
-
-
-@dataclass(frozen=True)
-class Activity:
-    """Activity of a human, and its longest interval."""
-
-    kind: str
-    """`in place`, `stepping`, `flight` or `supported`."""
-    since: float = 0.0
-    until: float = 0.0
-    """Longest flight or support [s]."""
-
-
-def activity_of(supported: Bools, flying: Bools, contacts: dict[str, Bools], fps: float) -> Activity:
-    """Classify the activity; a body without two feet is in place.
-
-    Args:
-        supported: (T,) whether something else than the feet holds the body up.
-        flying: (T,) whether both feet are in the air.
-    """
-    brief = ActivityRule().brief
-    if len(contacts) < 2:
-        return Activity(IN_PLACE)
-    if supported.mean() > brief:
-        return _longest(SUPPORTED, supported, fps)
-    if any((stop - start) / fps > JOINTS.flight for start, stop in intervals(flying)):
-        return _longest(FLIGHT, flying, fps)
-    planted = [foot.any(axis=1) for foot in contacts.values()]
-    return Activity(IN_PLACE if np.logical_and.reduce(planted).mean() >= 1 - brief else STEPPING)
-
-
-def require_own_feet(activity: Activity) -> None:
-    """Refuse a motion that needs a support the robot does not have.
-
-    Raises:
-        BalanceError: the human is supported.
-    """
-    if activity.kind == SUPPORTED:
-        raise BalanceError(
-            f"something that the robot does not have holds the human up (a chair, hands on the floor), longest from "
-            f"{activity.since:.1f} to {activity.until:.1f} s: a robot that stands free cannot play that; keep both feet on "
-            "the floor (legs 'stand'), or do without balance (balance 'off')"
-        )
-
-
-def is_supported(x: Floats, match: Match, rule: ActivityRule) -> Bools:
-    """Return (T,) whether the pelvis of keypoints (T, K, 3) [m] is low and far from over the feet."""
-    if not {"pelvis", "l_ankle", "r_ankle"} <= set(match.keypoints):
-        return np.zeros(len(x), dtype=bool)
-    x = x / match.human_leg
-    pelvis, ankles = x[:, match.index("pelvis")], x[:, [match.index(k) for k in ("l_ankle", "r_ankle")]]
-    beside = np.linalg.norm(pelvis[:, :2] - ankles.mean(axis=1)[:, :2], axis=1)
-    return (pelvis[:, 2] < rule.low * -JOINTS.floor_height(-pelvis[:, 2])) & (beside > rule.seat_offset)
-
-
-def is_flying(x: Floats, match: Match, fps: float) -> Bools:
-    """Return (T,) whether both feet of keypoints (T, K, 3) [m] are in the air."""
-    parts = [match.index(k) for k in ("l_ankle", "r_ankle", "l_toe", "r_toe") if k in match.keypoints]
-    return high_feet(x[:, parts, 2] / match.human_leg, fps) if parts else np.zeros(len(x), dtype=bool)
-
-
-def _longest(kind: str, flags: np.ndarray, fps: float) -> Activity:
-    start, stop = max(intervals(flags), key=lambda span: span[1] - span[0])
-    return Activity(kind, start / fps, stop / fps)
-
 
 # The floor under the human, and its drift in captures without a fixed reference.
 
@@ -203,7 +119,7 @@ class Calibration:
         return axes
 
 
-def calibrate(motion: Motion, match: Match, x: Floats, floor: Floats, contacts: dict[str, Bools]) -> Calibration:
+def calibrate(motion: Motion, match: Match, x: Floats, floor: Floats, contacts: ContactRecord) -> Calibration:
     """Fit the constants of a performer to a motion.
 
     Args:
@@ -230,8 +146,8 @@ class HumanFeatures:
     """(T, K, 3) keypoints, the floor under them at z = 0 [m]."""
     axes: Floats
     """(T, S, 3, 3) forward, left and up of every segment as columns."""
-    contacts: dict[str, Bools]
-    """The contact schedule: per foot (`l`, `r`) (T, 2), whether toe and heel stand."""
+    contacts: ContactRecord
+    """Which feet are on the ground."""
     supported: Bools
     """(T,) whether something else than the feet holds the body up; a stream does not look."""
     flying: Bools
@@ -277,13 +193,18 @@ class HumanFeatures:
         """Activity of the feet in these frames."""
         return activity_of(self.supported, self.flying, self.contacts, self.fps)
 
+    @property
+    def not_standing(self) -> str:
+        """What of these frames no robot plays that stands on its own feet; empty without any."""
+        return not_standing(self.activity, self.positions, self.calibration.match, self.contacts)
+
     def at(self, frames: slice | np.ndarray) -> "HumanFeatures":
         """Return the features of some of the frames."""
         return replace(
             self,
             positions=self.positions[frames],
             axes=self.axes[frames],
-            contacts={foot: stands[frames] for foot, stands in self.contacts.items()},
+            contacts=self.contacts[frames],
             supported=self.supported[frames],
             flying=self.flying[frames],
             falls=None if self.falls is None else self.falls[frames],
@@ -309,7 +230,7 @@ def features_of(motion: Motion, match: Match) -> HumanFeatures:
     calibration = calibrate(clip, match, x, floor, contacts)
     axes = calibration.axes(x, clip.rotations)
     segments = calibration.named(axes)
-    contacts = {foot: without_flicker(stands, fps) for foot, stands in on_soles(contacts, segments).items()}
+    contacts = settled(on_soles(contacts, segments), fps)
     whole = HumanFeatures(
         x,
         axes,
@@ -319,7 +240,7 @@ def features_of(motion: Motion, match: Match) -> HumanFeatures:
         calibration,
         fps,
         _ankle_height(level, match),
-        falls_of(x, match, in_the_air(match.named(level), match.human_leg, fps, clip.contacts), fps),
+        falls_of(x, match, contacts.flying, fps),
         None if around is None else around.without_stances(contacts),
     )
     return whole.at(motion.span)

@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.base.arrays import Bools, Floats, frozen
+from robot_retarget.base.arrays import Floats, frozen
 from robot_retarget.base.errors import MotionError, UsageError
 from robot_retarget.base.pages import card, data_frame
+from robot_retarget.contact.record import ContactRecord
 from robot_retarget.human.recognition import Recognition, recognise
 from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.scene.scene import Scene
@@ -30,8 +31,8 @@ class Motion:
     """Frames per second [1/s]."""
     source: str = ""
     notes: tuple[str, ...] = field(default=())
-    contacts: Bools | None = None
-    """(T, 4) whether left heel, left toe, right heel and right toe stand, where the source says so."""
+    contacts: ContactRecord | None = None
+    """Which feet are on the ground, where the source says so."""
     whole: "Motion | None" = field(default=None, repr=False, compare=False)
     """The clip that contains this part; recognition and floor use the clip. None after a change of the frames."""
     start: int = field(default=0, compare=False)
@@ -61,10 +62,8 @@ class Motion:
             if values is not None and not np.isfinite(values).all():
                 frame, joint = np.argwhere(~np.isfinite(values))[0, :2]
                 raise MotionError(f"frame {frame}, joint {self.skeleton.names[joint]!r} is not finite", self.source)
-        if self.contacts is not None:
-            object.__setattr__(self, "contacts", frozen(self.contacts, np.bool_))
-            if self.contacts.shape != (len(self), 4):
-                raise MotionError(f"contacts must be ({len(self)}, 4), got {self.contacts.shape}", self.source)
+        if self.contacts is not None and len(self.contacts) != len(self):
+            raise MotionError(f"contacts are of {len(self.contacts)} frames, the motion has {len(self)}", self.source)
         if self.scene is not None and self.scene.frames not in (None, len(self)):
             raise MotionError(f"the scene has {self.scene.frames} frames, the motion {len(self)}", self.source)
         if not (np.isfinite(self.fps) and self.fps > 0):

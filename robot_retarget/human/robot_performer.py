@@ -5,7 +5,7 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.keypoints import SIDES, parent_indices
-from robot_retarget.contact.soles import sole_contacts
+from robot_retarget.contact.soles import contacts_of
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.recognition import Mark, Recognition
 from robot_retarget.human.segments import TURNED_BY
@@ -21,7 +21,7 @@ def performed(trajectory: Trajectory, robot: Robot) -> Motion:
 
     Joints are the robot's keypoints, in their tree. A joint that turns a segment has the segment's forward, left and up as
     its rotation; every other joint has the rotation of its link. Nothing is estimated: keypoints, bone lengths, the floor
-    under the lowest sole and the contacts of toes and heels are the robot's own.
+    under the lowest sole and the contacts of its feet are the robot's own.
 
     Args:
         trajectory: configurations of the robot.
@@ -34,7 +34,7 @@ def performed(trajectory: Trajectory, robot: Robot) -> Motion:
     require_same_robot(trajectory, robot)
     anatomy, qpos = recognise(robot), trajectory.qpos
     recognition, skeleton = _recognition(anatomy), _skeleton(robot, anatomy)
-    feet = sole_contacts(robot, anatomy, qpos, trajectory.fps)
+    feet = contacts_of(trajectory, robot, anatomy)
     around = () if trajectory.scene is None else trajectory.scene.names
     left_out = (f"The bodies around the robot are left out: {', '.join(around)}.",) if around else ()
     return Motion(
@@ -44,7 +44,7 @@ def performed(trajectory: Trajectory, robot: Robot) -> Motion:
         trajectory.fps,
         trajectory.source,
         (*trajectory.notes, *left_out),
-        contacts=feet.labels if set(feet.feet) == set(SIDES) else None,
+        contacts=feet if feet.feet == SIDES else None,
         start_time=float(trajectory.source_time[0]),
         known=recognition,
     )

@@ -3,8 +3,9 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.base.arrays import Bools, Floats, cross, lengths, unit
+from robot_retarget.base.arrays import Floats, cross, lengths, unit
 from robot_retarget.base.keypoints import ARM
+from robot_retarget.contact.record import ContactRecord
 from robot_retarget.contact.rule import JOINTS
 from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion
@@ -88,7 +89,7 @@ DROP = 0.4
 
 
 def foot_constants(
-    motion: Motion, match: Match, x: dict[str, Floats], floor: Floats, contacts: dict[str, Bools]
+    motion: Motion, match: Match, x: dict[str, Floats], floor: Floats, contacts: ContactRecord
 ) -> dict[str, Floats]:
     """Return the constant (3, 3) of each foot; the flat foot corrects one that is on its toes throughout.
 
@@ -108,7 +109,7 @@ def foot_constants(
         ankle, toe = x.get(f"{side}_ankle"), x.get(f"{side}_toe")
         if ankle is None or f"{side}_knee" not in x or (toe is None and motion.rotations is None):
             continue
-        stands = contacts[side][:, 0]
+        stands = contacts.of(side)[:, 0]
         if toe is not None and lies:
             found[side] = _bent(motion, match, side, x)
             continue
@@ -208,7 +209,7 @@ hands, which clips may show bent throughout [rad]. Half and double change the ax
 
 
 def segment_constants(
-    motion: Motion, match: Match, x: Floats, floor: Floats, contacts: dict[str, Bools]
+    motion: Motion, match: Match, x: Floats, floor: Floats, contacts: ContactRecord
 ) -> dict[str, Floats]:
     """Return, per segment that both bodies have, the constant (3, 3) from its measured axes to its forward, left and up.
 

@@ -5,7 +5,7 @@ by centimetres. The place of a touch is the point of the surface nearest to the 
 place keeps the median of it, so that the robot's hand does not slide where the human's does not.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +13,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Bools, Floats, Ints, intervals, unit
+from robot_retarget.contact.record import ContactRecord
 from robot_retarget.contact.touch import body_touches
 from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion
@@ -99,12 +100,12 @@ class Surroundings:
         """Return the surroundings at some frames."""
         return Surroundings(self.scene.at(frames), self.touches.at(frames), self.ground.at(frames))
 
-    def without_stances(self, contacts: Mapping[str, Bools]) -> "Surroundings":
+    def without_stances(self, contacts: ContactRecord) -> "Surroundings":
         """Return the surroundings without touches of feet that stand, from their contact schedule: footholds hold those."""
         held = self.touches.held.copy()
         for pair, (part, _) in enumerate(self.touches.pairs):
-            if part.endswith("_toe") and part[0] in contacts:
-                held[:, pair] &= ~contacts[part[0]].any(axis=1)
+            if part.endswith("_toe"):
+                held[:, pair] &= ~contacts.of(part[0]).any(axis=1)
         return replace(self, touches=replace(self.touches, held=held))
 
     def levelled(self, x: Floats, match: Match) -> Floats:

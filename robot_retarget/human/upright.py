@@ -10,6 +10,7 @@ from robot_retarget.base.errors import MatchError, MotionError, UsageError, know
 from robot_retarget.base.keypoints import ARM, SIDES
 from robot_retarget.base.keypoints import LEG as LEG_PARTS
 from robot_retarget.base.untrusted.arrays import FARTHEST
+from robot_retarget.contact.record import labelled
 from robot_retarget.human.capture import Capture, Request, one_performer
 from robot_retarget.human.defects import ScrambleRule, clean_part, excess, span
 from robot_retarget.human.motion import Motion
@@ -258,9 +259,8 @@ def _motion(capture: Capture, metres: float, axis: str, notes: tuple[str, ...]) 
         raise MotionError(f"a joint is {farthest:.3g} m from the origin, more than {FARTHEST:g} m", capture.source)
     skeleton = replace(capture.skeleton, offsets=metres * capture.skeleton.offsets @ turn.T)
     positions = metres * capture.positions @ turn.T
-    return Motion(
-        skeleton, positions, rotations, capture.fps, capture.source, (*capture.notes, *notes), capture.contacts
-    )
+    contacts = None if capture.contacts is None else labelled(capture.contacts)
+    return Motion(skeleton, positions, rotations, capture.fps, capture.source, (*capture.notes, *notes), contacts)
 
 
 def _likely_unit(positions: Floats) -> str:

@@ -23,9 +23,10 @@ from robot_retarget.judge.bodies import SimulatedBodies
 from robot_retarget.judge.plant import Mode, Plant, limb_inertia
 from robot_retarget.judge.playback import Playback, settled
 from robot_retarget.robot.coupling import Coupling
-from robot_retarget.robot.dynamics import DOWN, EVENNESS, ground_push, velocities
+from robot_retarget.robot.dynamics import EVENNESS, ground_push, velocities
 from robot_retarget.robot.model import FREE
 from robot_retarget.robot.support import feet_of
+from robot_retarget.scene.geoms import REST
 from robot_retarget.trajectory import Trajectory
 
 # The nearest motion that a servo can follow: its torque stays within the bound over the whole clip.
@@ -102,7 +103,7 @@ GRIP = 0.5
 """Share of the friction that a grasp counts on [-]."""
 SQUEEZE = 0.05
 """P over the weight of the robot [-]: position servos yield to it by millimetres, as much as they err, and weak arms are not bent by it."""
-TOUCH = DOWN
+TOUCH = REST
 """Surfaces of a plan this near to each other touch [m]."""
 SLIDING = 0.02
 """A contact whose surfaces slide faster in the plan holds nothing: a hand on its way to its place [m/s]."""

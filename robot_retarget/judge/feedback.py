@@ -19,9 +19,10 @@ from robot_retarget.actuators.goals import Goals
 from robot_retarget.actuators.inertial import BodyMotion, VirtualImu, calibrated, tilt_of, vertical_in
 from robot_retarget.actuators.map import ServoMap
 from robot_retarget.base.arrays import Floats
+from robot_retarget.contact.soles import contacts_of
 from robot_retarget.judge.plant import Plant
-from robot_retarget.robot.dynamics import DOWN, root_dofs
-from robot_retarget.robot.kinematics import carrying, world_points
+from robot_retarget.robot.dynamics import root_dofs
+from robot_retarget.robot.kinematics import carrying
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.support import feet_of
 from robot_retarget.robot.timing import sample
@@ -45,7 +46,7 @@ def with_feedback(plant: Plant, trajectory: Trajectory, goals: Goals) -> Goals:
         bound=balance.bound, speed=balance.speed, top_speed=top_speed, lag=round(servo_map.imu.delay * goals.rate),
         fusion=balance.fusion, fade=balance.fade, stop=np.array([balance.stop_roll, balance.stop_pitch]),
         crouch=_crouch(robot, servo_map, goals), lean=lean_over_feet(robot, trajectory.qpos[0]),
-        legs=joints_of_legs(robot), air=planned_air(plant, trajectory, goals),
+        legs=joints_of_legs(robot), air=planned_air(robot, trajectory, goals),
     )  # fmt: skip
     return replace(goals, feedback=feedback)
 
@@ -81,14 +82,10 @@ def joints_of_legs(robot: Robot) -> Floats:
     return (carried * (carried.sum(axis=0) == 1)).reshape(-1, len(robot.joint_names)).T
 
 
-def planned_air(plant: Plant, trajectory: Trajectory, goals: Goals) -> Floats:
-    """(N, F) 1 where no point of a foot's sole is on the ground at a goal. The robot begins on the floor, whatever the height of the trajectory."""
-    feet = feet_of(plant.robot)
-    places = world_points(plant.robot, feet.soles, sample(trajectory, plant.robot, goals.times))
-    height = places[..., 2] - np.maximum(plant.ground.under(places)[0], 0.0)
-    high = height - height[:1].min(initial=np.inf) > DOWN
-    lifted = [high[:, feet.owner == foot].all(axis=1) for foot in range(len(feet.names))]
-    return np.array(lifted, dtype=float).reshape(len(feet.names), len(goals)).T
+def planned_air(robot: Robot, trajectory: Trajectory, goals: Goals) -> Floats:
+    """(N, F) 1 where a foot is off the ground at a goal."""
+    frames = np.round(goals.times * trajectory.fps).astype(int).clip(0, len(trajectory) - 1)
+    return (~contacts_of(trajectory, robot).down[frames]).astype(np.float64)
 
 
 def planned_tilt(robot: Robot, trajectory: Trajectory, goals: Goals) -> Floats:

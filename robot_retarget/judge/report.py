@@ -15,6 +15,7 @@ from robot_retarget.base.files import MODELS, write_text
 from robot_retarget.base.pages import card, data_frame
 from robot_retarget.base.untrusted.documents import FORMAT_VERSION, SEAL, content_sha256, read_json, sealed
 from robot_retarget.collision import Warnings
+from robot_retarget.contact.stance import Stance, planned_stance
 from robot_retarget.judge.cures import Cure, Origin
 from robot_retarget.judge.feedback import feedback_figures
 from robot_retarget.judge.figures import (
@@ -34,7 +35,6 @@ from robot_retarget.judge.playback import Rollout
 from robot_retarget.judge.stance import ankle_figures, contact_figures, stance_figures, stance_of
 from robot_retarget.judge.verdict import Badge, Thresholds, at_edge, badge_of, cures, judge, near_limits
 from robot_retarget.robot.contacts import Contacts
-from robot_retarget.robot.dynamics import Stance, planned_stance
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.support import feet_of
 from robot_retarget.scores.likeness import unlikeness

@@ -12,13 +12,13 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from robot_retarget.base.arrays import Bools, Floats, intervals, unit
+from robot_retarget.contact.stance import DOWN, Stance, contact_planes, margins
 from robot_retarget.contact.touch import BRIEF
 from robot_retarget.judge.bodies import SimulatedBodies
 from robot_retarget.judge.plant import Plant
 from robot_retarget.judge.playback import Rollout
 from robot_retarget.robot.body_distances import RobotAmongBodies
 from robot_retarget.robot.contacts import Contacts
-from robot_retarget.robot.dynamics import DOWN, Stance, contact_planes, margins
 from robot_retarget.robot.geoms import solid_geoms
 from robot_retarget.robot.kinematics import carrying, world_points
 from robot_retarget.robot.model import Robot

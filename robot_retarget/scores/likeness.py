@@ -7,20 +7,21 @@
 Δ is the change since the first frame. The human is always the one of the motion, also where the robot keeps its feet in place.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from robot_retarget.base.arrays import Bools, Floats, intervals, unit
-from robot_retarget.contact.rule import JOINTS, over_lowest
-from robot_retarget.human.features import FLIGHT, SUPPORTED, ActivityRule, HumanFeatures
+from robot_retarget.base.arrays import Bools, Floats, intervals
+from robot_retarget.contact.record import ContactRecord
+from robot_retarget.contact.rule import JOINTS
+from robot_retarget.contact.soles import sole_contacts
+from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot, world_points
-from robot_retarget.robot.support import sole_corners
+from robot_retarget.scene import Scene
 from robot_retarget.scores.figure import Check
 from robot_retarget.scores.pair import PARTS, Pair, best_bone_angles
 
@@ -35,9 +36,6 @@ LIFT = JOINTS.high
 LENGTH = 0.3
 """... or comes down farther away, over the leg [-]; less is a shuffle, which a flat sole need not copy. Of 21 clips
 half counts other steps in 6 and double in 8."""
-CLEARANCE = 0.02
-"""A robot's sole is in the air above this height over the leg [-]; planned swings are exact, captured ones are not. Of
-21 clips half counts other steps in 12 and double in 14."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,62 +46,37 @@ class Travel:
     """(T, 2) place of the pelvis relative to the first frame [m]."""
     heading: Floats
     """(T,) heading relative to the first frame, positive to the left [rad]; 0 without hips."""
-    steps: int
-    """Steps of all feet."""
+    steps: tuple[tuple[str, int, int], ...]
+    """Of each step the foot, the frame of its lift-off and that of its touchdown."""
 
     def figures(self) -> dict[str, float]:
         """The figures of reports: the greatest distance and angle from the first place and heading, and the steps."""
         distance, turn = np.linalg.norm(self.path, axis=1).max(), np.abs(self.heading).max()
-        return {"distance_m": round(float(distance), 3), "turn_rad": round(float(turn), 3), "steps": self.steps}
+        return {"distance_m": round(float(distance), 3), "turn_rad": round(float(turn), 3), "steps": len(self.steps)}
 
 
 def human_travel(human: HumanFeatures) -> Travel:
     """Return the travel of the human."""
-    match, steps = human.calibration.match, 0
-    for side, stands in human.contacts.items():
-        foot = next((k for k in (f"{side}_ankle", f"{side}_toe") if k in match.keypoints), None)
-        if foot is not None:
-            place = human.positions[:, match.index(foot)] / match.human_leg
-            steps += _counted(place, ~np.any(stands, axis=1))
-    return _travel(human.positions, match, steps)
+    match = human.calibration.match
+    ends = {side: k for side in "lr" for k in (f"{side}_toe", f"{side}_ankle") if k in match.keypoints}
+    places = {side: human.positions[:, match.index(k)] / match.human_leg for side, k in ends.items()}
+    return _travel(
+        human.positions, match, [step for step in human.contacts.swings if _is_step(places[step[0]], *step[1:])]
+    )
 
 
-def robot_travel(x: Floats, qpos: Floats, robot: Robot, match: Match, fps: float) -> Travel:
-    """Return the travel of a robot.
-
-    Args:
-        x: (T, K, 3) its keypoints [m].
-        qpos: (T, nq) configurations.
-        fps: frames per second [1/s].
-    """
-    feet, steps = tuple(match.anatomy.soles), 0
-    if feet:
-        soles = [world_points(robot, sole_corners(match.anatomy, foot), qpos)[..., 2].min(axis=1) for foot in feet]
-        low = over_lowest(np.stack(soles, axis=1) / match.robot_leg, fps)
-        steps = sum(len(_inner(foot, len(qpos))) for foot in (low > CLEARANCE).T)
-    return _travel(x, match, steps)
+def _is_step(place: Floats, start: int, stop: int) -> bool:
+    """Whether a swing of a foot, at places (T, 3) in legs, lifts it or carries it away."""
+    before, after = place[start - 1], place[stop]
+    lift = place[start:stop, 2].max() - max(before[2], after[2])
+    return bool(lift > LIFT or np.linalg.norm((after - before)[:2]) > LENGTH)
 
 
-def _counted(place: Floats, swinging: Bools) -> int:
-    """The number of swings of a foot, at places (T, 3) in legs, that lift it or carry it away."""
-    count = 0
-    for start, stop in _inner(swinging, len(place)):
-        before, after = place[start - 1], place[stop]
-        lift = place[start:stop, 2].max() - max(before[2], after[2])
-        count += bool(lift > LIFT or np.linalg.norm((after - before)[:2]) > LENGTH)
-    return count
-
-
-def _inner(swinging: Bools, count: int) -> list[tuple[int, int]]:
-    """The swings that begin and end inside a clip of `count` frames."""
-    return [(start, stop) for start, stop in intervals(swinging) if start > 0 and stop < count]
-
-
-def _travel(x: Floats, match: Match, steps: int) -> Travel:
+def _travel(x: Floats, match: Match, steps: Sequence[tuple[str, int, int]]) -> Travel:
     """Of keypoints (T, K, 3) [m]."""
     pelvis = x[:, match.index("pelvis") if "pelvis" in match.keypoints else 0, :2]
     turned = np.unwrap(match.heading(x))
-    return Travel(pelvis - pelvis[0], turned - turned[0], steps)
+    return Travel(pelvis - pelvis[0], turned - turned[0], tuple(steps))
 
 
 FAR = np.radians(25.0)
@@ -140,6 +113,8 @@ class Likeness:
     """(T,) whether a joint is at its speed limit."""
     pair: Pair
     """The compared keypoints of the robot, in its configurations."""
+    feet: ContactRecord
+    """Which feet of the robot are on the ground."""
     not_standing: str = ""
     """What of the motion no robot plays that stands on its own feet; empty without any."""
 
@@ -198,8 +173,10 @@ class Likeness:
 
     @property
     def steps_lost(self) -> float | None:
-        """Share of the human's steps that the robot does not take; None if the human takes none."""
-        return max(0.0, 1 - self.robot.steps / self.human.steps) if self.human.steps else None
+        """Share of the human's steps during which the same foot of the robot stays down; None if the human takes none."""
+        down = dict(zip(self.feet.feet, self.feet.down.T, strict=True))
+        lost = [foot not in down or down[foot][start:stop].all() for foot, start, stop in self.human.steps]
+        return float(np.mean(lost)) if lost else None
 
     def part(self, name: str) -> float | None:
         """The mean angle of a part's bones [rad]; None if the robot lacks them."""
@@ -282,22 +259,26 @@ def likeness_of(
     stride: float = 1.0,
     legs: str = "follow",
     unfinished: float = 0.0,
+    scene: Scene | None = None,
 ) -> Likeness:
     """Compare configurations (T, nq) with the human, frame by frame.
 
     Args:
         frames: consecutive ones that are compared; all by default.
+        scene: the bodies around the robot.
     """
-    human, qpos, match = human.at(frames), qpos[frames], human.calibration.match
+    match = human.calibration.match
+    feet = sole_contacts(robot, match.anatomy, qpos, human.fps, scene)[frames]
+    human, qpos = human.at(frames), qpos[frames]
     places = world_points(robot, match.points, qpos)
     pair = Pair(match, human.positions, places, human.contacts, human.fps, robot, qpos)
-    performed, moved = human_travel(human), robot_travel(pair.robot, qpos, robot, match, human.fps)
+    performed, moved = human_travel(human), _travel(pair.robot, match, feet.swings)
     angles = pair.bone_angles(PARTS.keys() - ({"legs"} if legs == "stand" else set()))
     path = _path_off(moved.path, match.leg_ratio * performed.path, match.robot_leg)
     rushed = _rushed(robot, qpos, human.fps)
     return Likeness(
         angles, pair.touches.share, performed, moved, path, slowdown, stride, legs, unfinished, rushed,
-        pair, not_standing(human),
+        pair, feet, human.not_standing,
     )  # fmt: skip
 
 
@@ -412,46 +393,6 @@ def stands_in_place(figures: Mapping[str, Any]) -> str:
     return (
         f"stands in place: the human moves {figures.get('human_distance_m', 0.0):.1f} m and turns {turn:.0f}°{stepping}"
     )
-
-
-LYING = 0.35
-"""A chest that is higher over the pelvis than this share of their distance is upright enough to stand [-]: 20° over level."""
-SPIN = np.pi
-"""More of a turn without a new foothold is a spin [rad]: hips of human and robot turn by a quarter turn either way."""
-
-
-def not_standing(human: HumanFeatures) -> str:
-    """Return what of a motion no robot plays that stands on its own feet: support, flight, lying, spinning; empty without any."""
-    activity = human.activity
-    since = f"longest from {activity.since:.1f} to {activity.until:.1f} s"
-    if _lying(human).mean() > ActivityRule().brief:
-        return "the human lies or crawls"
-    if activity.kind == SUPPORTED:
-        return f"a seat, hands or the floor hold the human up, {since}"
-    if activity.kind == FLIGHT:
-        return f"the human leaves the floor, {since}"
-    turn = _spin(human)
-    return f"the human spins by {np.degrees(turn):.0f}° on one foothold" if turn > SPIN else ""
-
-
-def _lying(human: HumanFeatures) -> Bools:
-    """(T,) whether the pelvis is low and the trunk about level, or head down."""
-    match, x = human.calibration.match, human.positions
-    if not {"pelvis", "chest"} <= set(match.keypoints):
-        return np.zeros(len(x), bool)
-    pelvis = x[:, match.index("pelvis")]
-    trunk = unit(x[:, match.index("chest")] - pelvis)
-    low = pelvis[:, 2] < ActivityRule().low * -JOINTS.floor_height(-pelvis[:, 2])
-    return low & (trunk[:, 2] < LYING)
-
-
-def _spin(human: HumanFeatures) -> float:
-    """The largest turn between two moments at which a foot begins to stand [rad]; a turn in flight counts."""
-    turned = np.unwrap(human.calibration.match.heading(human.positions))
-    down = [np.asarray(stands.any(axis=1)) for stands in human.contacts.values()]
-    starts = {start for foot in down for start, _ in intervals(foot)} | {0, len(turned)}
-    edges = sorted(starts)
-    return max((float(np.ptp(turned[a:b])) for a, b in pairwise(edges) if b > a), default=0.0)
 
 
 def _rounded(value: float | None) -> float | None:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Bools, Floats, Ints, bearing, leftward, unit
+from robot_retarget.contact.record import ContactRecord
 from robot_retarget.contact.rule import SOLES
 from robot_retarget.contact.touch import HandTouches, hand_pairs, hand_touches
 from robot_retarget.human.features import features_of
@@ -34,8 +35,8 @@ class Pair:
     """(T, K, 3) [m]."""
     robot: Floats
     """(T, K, 3) [m]."""
-    contacts: Mapping[str, Bools] = field(default_factory=dict)
-    """The human's contact schedule: per foot (T, 2), whether toe and heel stand; empty if it is not examined."""
+    contacts: ContactRecord | None = None
+    """Which feet of the human are on the ground; None if it is not examined."""
     fps: float = 0.0
     """Frames per second [1/s]; 0 keeps touches of any duration."""
     model: Robot | None = None
@@ -304,5 +305,5 @@ def pair_of(trajectory: Trajectory, robot: Robot, motion: Motion, body: Body, li
     own = body.places(robot, keypoints, trajectory.qpos)
     described = motion.resample(trajectory.fps)
     at = np.round((trajectory.source_time - motion.start_time) * described.fps).astype(int).clip(0, len(described) - 1)
-    contacts = {foot: stands[at] for foot, stands in features_of(described, found).contacts.items()}
+    contacts = features_of(described, found).contacts[at]
     return Pair(found.among(keypoints, human, own), human, own, contacts, trajectory.fps, robot, trajectory.qpos)

@@ -34,9 +34,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Floats
-from robot_retarget.human.features import ActivityRule
+from robot_retarget.contact.stance import planned_stance
+from robot_retarget.human.activity import ActivityRule
 from robot_retarget.robot import Robot
-from robot_retarget.robot.dynamics import momenta, planned_stance, root_dofs
+from robot_retarget.robot.dynamics import momenta, root_dofs
 from robot_retarget.robot.geoms import Floor, Placed
 from robot_retarget.robot.timing import range_excess
 from robot_retarget.scores.figure import Figure, Value, measures
@@ -218,9 +219,9 @@ def physics_score(subject: Subject) -> tuple[Value, ...]:
     """The score; None for fewer than four frames."""
     if subject.jerk is None:
         return (None,)
-    sizes, lowest, down = Sizes(), subject.lowest, subject.on_floor[1:]
+    sizes, lowest, down, standing = Sizes(), subject.lowest, subject.contacts.down[1:], ~subject.contacts.flying
     parts = (
-        (np.maximum(lowest[subject.standing], 0).mean() if subject.standing.any() else 0.0) / sizes.float_height,
+        (np.maximum(lowest[standing], 0).mean() if standing.any() else 0.0) / sizes.float_height,
         np.maximum(-lowest, 0).mean() / sizes.penetration,
         (subject.slip[1:][down].mean() if down.any() else 0.0) / sizes.skate,
         np.mean(subject.depth > OVERLAP) / sizes.overlap,
@@ -296,7 +297,7 @@ def ground(subject: Subject) -> tuple[Value, ...]:
 def flight(subject: Subject) -> tuple[Value, ...]:
     """The share of frames in flight, and the farthest step of a foot."""
     travel = max(np.linalg.norm(foot.middle - foot.middle[0], axis=1).max() for foot in subject.feet)
-    return 100 * np.mean(~subject.standing), travel
+    return 100 * np.mean(subject.contacts.flying), travel
 
 
 @measures(
@@ -324,10 +325,10 @@ def held(subject: Subject) -> tuple[Value, ...]:
 )
 def zmp(subject: Subject) -> tuple[Value, ...]:
     """The share of frames, and the 5th percentile of the margin inside the support."""
-    stance = planned_stance(subject.robot, subject.trajectory)
+    stance = planned_stance(subject.robot, subject.trajectory, subject.contacts)
     if stance is None:
         return None, None
-    margin = stance.zmp_margin[subject.standing & ~np.isnan(stance.zmp_margin)]
+    margin = stance.zmp_margin[~subject.contacts.flying & ~np.isnan(stance.zmp_margin)]
     return (100 * np.mean(margin < 0), 100 * np.percentile(margin, 5)) if margin.size else (None, None)
 
 

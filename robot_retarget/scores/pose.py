@@ -211,11 +211,11 @@ def _human_contacts(human: HumanFeatures) -> dict[tuple[str, int], Bools]:
     around = human.around
     assert around is not None
     found = {pair: around.touches.held[:, k] for k, pair in enumerate(around.touches.pairs)}
-    for foot, stands in human.contacts.items():
+    for k, foot in enumerate(human.contacts.feet):
         own = [k for k, name in enumerate(around.ground.keypoints) if name[0] == foot]
         part = f"{foot}_ankle"
         for body in range(len(around.scene)):
-            on = (around.ground.bodies[:, own] == body).any(axis=1) & stands.any(axis=1)
+            on = (around.ground.bodies[:, own] == body).any(axis=1) & human.contacts.planted[:, k]
             found[part, body] = on
     return found
 

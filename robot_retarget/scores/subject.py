@@ -7,12 +7,15 @@ import mujoco
 import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, Ints
-from robot_retarget.contact.soles import SoleContacts, sole_contacts
+from robot_retarget.base.keypoints import SIDES
+from robot_retarget.contact.record import ContactRecord
+from robot_retarget.contact.soles import contacts_of
+from robot_retarget.contact.stance import SMOOTH
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.robot import Anatomy, Points, Robot, world_points
 from robot_retarget.robot.body_distances import RobotAmongBodies
 from robot_retarget.robot.contacts import replay_contacts
-from robot_retarget.robot.dynamics import SMOOTH, required_forces
+from robot_retarget.robot.dynamics import required_forces
 from robot_retarget.robot.geoms import solid_geoms
 from robot_retarget.robot.kinematics import BLOCK
 from robot_retarget.robot.limbs import SOLE
@@ -182,17 +185,16 @@ class Subject:
     def planted(self) -> Bools | None:
         """(T, 2) whether each foot of the human stands, but at the first frame, which has no speed; None without feet."""
         contacts = self.pair.contacts
-        if not {"l", "r"} <= contacts.keys():
+        if contacts is None or contacts.feet != SIDES:
             return None
-        planted = np.stack([contacts[foot].any(axis=1) for foot in "lr"], axis=1)
+        planted = contacts.planted
         planted[0] = False
         return planted
 
     @cached_property
-    def contacts(self) -> SoleContacts:
-        """The contacts of the robot's soles."""
-        assert self.anatomy is not None
-        return sole_contacts(self.robot, self.anatomy, self.trajectory.qpos, self.fps, self.trajectory.scene)
+    def contacts(self) -> ContactRecord:
+        """Which feet of the robot are on the ground."""
+        return contacts_of(self.trajectory, self.robot, self.anatomy)
 
     @property
     def root(self) -> Floats:
@@ -206,21 +208,11 @@ class Subject:
         return float(np.percentile(self.lowest, 5))
 
     @cached_property
-    def standing(self) -> Bools:
-        """(T,) whether any foot is on the floor."""
-        return ~self.contacts.flying
-
-    @cached_property
-    def on_floor(self) -> Bools:
-        """(T, 2) whether each foot is on the floor."""
-        return self.contacts.down
-
-    @cached_property
     def forces(self) -> Floats:
         """(T, nv) generalised forces in addition to the floor's (`robot.dynamics.required_forces`) [N, N m]."""
         soles = feet_of(self.robot).corners
         qpos = self.trajectory.qpos
-        return required_forces(self.robot, qpos, self.fps, soles, SMOOTH, self.standing & bool(len(soles)))
+        return required_forces(self.robot, qpos, self.fps, soles, SMOOTH, ~self.contacts.flying & bool(len(soles)))
 
     def floor_of(self, pose: Floats) -> float:
         """Height of the lowest sole point in a pose (1, nq) [m]."""

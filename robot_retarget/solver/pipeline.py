@@ -107,6 +107,7 @@ class Result:
                 self.graph.robot,
                 self.solution.trajectory.qpos,
                 unfinished=self.solution.unfinished,
+                scene=self.graph.bodies,
             )
         return likeness_of(
             self.graph.human,
@@ -117,6 +118,7 @@ class Result:
             stride=self.balance.stride,
             legs="instead" if self.balance.instead and self.balance.legs == "stand" else self.balance.legs,
             unfinished=self.solution.unfinished,
+            scene=self.graph.bodies,
         )
 
     @cached_property

@@ -6,6 +6,7 @@ from scipy.spatial.transform import Rotation
 from shared_files import ROOT, SHARED, needs_shared
 
 import robot_retarget as rr
+from robot_retarget.contact.record import ContactRecord, labelled, standing_on
 from robot_retarget.contact.rule import ContactRule, contact_schedule, on_soles, without_flicker
 from robot_retarget.human.features import features_of
 from robot_retarget.human.match import match
@@ -26,16 +27,16 @@ def test_said_contacts_are_the_stances_side_by_side_and_toe_before_heel(walk):
     said = np.zeros((len(motion), 4), dtype=bool)
     for column, first in enumerate((10, 30, 50, 70)):
         said[first : first + 15, column] = True
-    found = contact_schedule(matched.named(x), matched.human_leg, motion.fps, said)
-    assert np.array_equal(found["l"], said[:, [1, 0]])
-    assert np.array_equal(found["r"], said[:, [3, 2]])
+    found = contact_schedule(matched.named(x), matched.human_leg, motion.fps, labelled(said))
+    assert np.array_equal(found.of("l"), said[:, [1, 0]])
+    assert np.array_equal(found.of("r"), said[:, [3, 2]])
 
 
 def test_a_contact_too_short_to_be_true_is_passed_over(walk):
     motion, matched, x = walk
     said = np.zeros((len(motion), 4), dtype=bool)
     said[20:22, 0] = True
-    assert not contact_schedule(matched.named(x), matched.human_leg, motion.fps, said)["l"].any()
+    assert not contact_schedule(matched.named(x), matched.human_leg, motion.fps, labelled(said)).of("l").any()
 
 
 @pytest.mark.parametrize("fps", [15, 24, 25, 30, 50, 60, 100, 120])
@@ -60,7 +61,7 @@ def test_heels_are_still_while_a_generated_motion_says_they_stand(name):
     for side in "lr":
         ankle = x[:, matched.index(f"{side}_ankle")]
         speed = np.linalg.norm(np.gradient(ankle, 1 / motion.fps, axis=0), axis=1)
-        standing = said[side][:, 1]
+        standing = said.of(side)[:, 1]
         assert 0.2 < standing.mean() < 0.6
         assert np.quantile(speed[standing], 0.9) < 0.15 < np.quantile(speed[~standing], 0.5)
 
@@ -70,9 +71,9 @@ def test_contacts_keep_their_frames_when_a_motion_is_cut_or_resampled():
     motion = read_motion(NPZ / "kimodo_soma30_01_single_text_prompt.npz")
     assert motion.contacts is not None
     cut, fast = motion.frames(40, 90), motion.resample(60)
-    assert cut.contacts is not None and np.array_equal(cut.contacts, motion.contacts[40:90])
-    assert fast.contacts is not None and fast.contacts.shape == (len(fast), 4)
-    assert np.array_equal(fast.contacts[::2], motion.contacts)
+    assert cut.contacts is not None and np.array_equal(cut.contacts.labels, motion.contacts.labels[40:90])
+    assert fast.contacts is not None and fast.contacts.labels.shape == (len(fast), 4)
+    assert np.array_equal(fast.contacts.labels[::2], motion.contacts.labels)
 
 
 def lowest_parts(turn: np.ndarray) -> set[str]:
@@ -87,6 +88,11 @@ def lowest_parts(turn: np.ndarray) -> set[str]:
     }
     heights = {name: np.mean(sorted((np.array(points) @ turn.T)[:, 2])[:2]) for name, points in parts.items()}
     return {name for name, height in heights.items() if height < min(heights.values()) + 1e-9}
+
+
+def left(stands: np.ndarray) -> ContactRecord:
+    """Contacts of a left foot alone, whose toe and heel stand as `stands` (T, 2) says."""
+    return standing_on(("l",), stands[:, None])
 
 
 @pytest.mark.parametrize(
@@ -104,11 +110,11 @@ def lowest_parts(turn: np.ndarray) -> set[str]:
 def test_a_foot_stands_on_its_sole_toes_or_heel_alone(pose, degrees, part, stands):
     pitch, roll = degrees
     turn = Rotation.from_euler("yx", [pitch, roll], degrees=True).as_matrix()
-    found = on_soles({"l": np.ones((1, 2), bool)}, {"l_foot": turn[None]})
-    assert tuple(found["l"][0]) == stands, pose
+    found = on_soles(left(np.ones((1, 2), bool)), {"l_foot": turn[None]})
+    assert tuple(found.of("l")[0]) == stands, pose
     assert part in lowest_parts(turn)
 
 
 def test_a_foot_without_axes_keeps_its_schedule():
     stands = np.array([[True, False], [True, True]])
-    np.testing.assert_array_equal(on_soles({"l": stands}, {"r_foot": np.eye(3)[None]})["l"], stands)
+    np.testing.assert_array_equal(on_soles(left(stands), {"r_foot": np.eye(3)[None]}).of("l"), stands)

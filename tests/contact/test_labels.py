@@ -24,7 +24,7 @@ def test_contacts_of_feet_are_those_that_a_person_sees_in_97_of_100_frames() -> 
         graph = rr.describe(rr.read_motion(BVH / f"{clip}.bvh"), rr.load_robot("g1_class"))
         frames = np.linspace(0.05 * len(graph), 0.95 * len(graph), 24).round().astype(int)
         for side, labels in zip("lr", feet, strict=True):
-            stands = graph.human.contacts[side][frames].tolist()
+            stands = graph.human.contacts.of(side)[frames].tolist()
             clear = [(any(parts), label == "1") for parts, label in zip(stands, labels, strict=True) if label != "?"]
             told += len(clear)
             wrong += sum(stood != label for stood, label in clear)

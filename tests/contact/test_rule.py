@@ -8,8 +8,8 @@ from robot_retarget.contact.rule import (
     SOLES,
     CausalContacts,
     ContactRule,
+    contact_schedule,
     entered_runs,
-    in_the_air,
     on_surface,
     standing,
     touching_down,
@@ -69,11 +69,11 @@ def test_a_contact_too_short_for_the_averaged_speed_stands_throughout_and_a_long
 def test_a_foot_is_in_the_air_where_neither_its_toe_nor_its_ankle_nor_another_foot_is_down() -> None:
     still, up = np.zeros((30, 3)), np.r_[np.zeros(10), 0.4 * np.ones(10), np.zeros(10)]
     points = {name: still + [[0.0, 0.0, 1.0]] * up[:, None] for name in ("l_toe", "l_ankle", "r_toe", "r_ankle")}
-    air = in_the_air(points, 1.0, 30.0)
+    air = contact_schedule(points, 1.0, 30.0).flying
     assert len(air) == 30 and air[12:18].all() and not air[:8].any() and not air[22:].any()
     for name in points:
-        assert not in_the_air(points | {name: still}, 1.0, 30.0).any()
-    assert not in_the_air({"head": still + 1.5}, 1.0, 30.0).any()
+        assert not contact_schedule(points | {name: still}, 1.0, 30.0).flying.any()
+    assert not contact_schedule({"head": still + 1.5}, 1.0, 30.0).flying.any()
 
 
 def test_a_stream_holds_a_contact_and_a_gap_for_the_shortest_time() -> None:
@@ -81,7 +81,7 @@ def test_a_stream_holds_a_contact_and_a_gap_for_the_shortest_time() -> None:
     dt = 1 / 60
     contacts = CausalContacts(("l_toe", "l_ankle"), 1.0, np.zeros((20, 2, 3)))
     toes = [np.array([[k // 3 / 45, 0.0, 0.0], [0.0, 0.0, 0.0]]) for k in range(120)]
-    stands = np.array([contacts.step(toe, dt)["l"][0, 0] for toe in toes])
+    stands = np.array([contacts.step(toe, dt).stands[0, 0, 0] for toe in toes])
     changes = np.flatnonzero(np.diff(stands))
     assert len(changes) >= 5 and np.diff(changes).min() * dt >= JOINTS.shortest
 

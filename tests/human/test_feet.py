@@ -10,6 +10,7 @@ from shared_files import SHARED, needs_shared
 
 from robot_retarget.base.arrays import Floats, unit
 from robot_retarget.base.files import SAMPLES
+from robot_retarget.contact.record import ContactRecord
 from robot_retarget.human.features import features_of
 from robot_retarget.human.match import match
 from robot_retarget.human.motion import Motion
@@ -22,8 +23,8 @@ FALL = SHARED / "motions/bvh/lafan1_procedural/fall_getup_procedural.bvh"
 
 
 @cache
-def shown(path: str) -> tuple[dict[str, Floats], dict[str, Floats], dict[str, np.ndarray]]:
-    """The frames of segments (T, 3, 3), the keypoints (T, 3) and when feet stand (T, 2), of a clip at 15 frames a second."""
+def shown(path: str) -> tuple[dict[str, Floats], dict[str, Floats], ContactRecord]:
+    """The frames of segments (T, 3, 3), the keypoints (T, 3) and the contacts, of a clip at 15 frames a second."""
     motion = read_motion(path).resample(15)
     matched = match(motion, load_robot("op3"))
     human = features_of(motion, matched)
@@ -34,7 +35,7 @@ def shown(path: str) -> tuple[dict[str, Floats], dict[str, Floats], dict[str, np
 def test_feet_that_stand_are_level(clip: str) -> None:
     frames, _, stands = shown(str(SAMPLES / f"{clip}.bvh"))
     for side in "lr":
-        assert np.median(frames[f"{side}_foot"][stands[side].all(axis=1), 2, 2]) > 0.99
+        assert np.median(frames[f"{side}_foot"][stands.of(side).all(axis=1), 2, 2]) > 0.99
 
 
 @needs_shared
@@ -58,7 +59,7 @@ def test_it_does_not_matter_how_high_the_floor_of_a_file_is() -> None:
 def test_a_foot_that_only_stands_on_its_toes_is_known_by_the_other() -> None:
     """The dancer's right heel is up by half a radian whenever that foot stands."""
     frames, _, stands = shown(str(DANCE))
-    up = np.median(frames["r_foot"][stands["r"].all(axis=1), 2, 2])
+    up = np.median(frames["r_foot"][stands.of("r").all(axis=1), 2, 2])
     assert np.cos(0.7) < up < np.cos(0.3)
 
 
@@ -112,7 +113,7 @@ def test_an_end_site_under_the_ankle_is_no_toe_and_the_foot_stands_on_its_whole_
     assert not {"l_toe", "r_toe"} & set(matched.keypoints)
     human = features_of(blunt, matched)
     for side in "lr":
-        stands, axes = human.contacts[side], human.segments[f"{side}_foot"]
+        stands, axes = human.contacts.of(side), human.segments[f"{side}_foot"]
         assert np.array_equal(stands[:, 0], stands[:, 1]) and 0.3 < stands.mean() < 0.9
         assert np.median(axes[stands[:, 0], 2, 2]) > 0.97
         ahead = unit(axes[stands[:, 0], :2, 0])

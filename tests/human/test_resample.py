@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from test_bvh_write import random_motion
 
 from robot_retarget.base.errors import UsageError
+from robot_retarget.contact.record import labelled
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.resample import at_frames
 from robot_retarget.human.skeleton import Skeleton
@@ -71,7 +72,7 @@ def test_a_rate_that_makes_no_sense_is_refused(fps):
 
 
 def test_contacts_between_frames_are_those_of_the_nearest() -> None:
-    motion = replace(swing(4, 10), contacts=np.array([0, 1, 0, 1], dtype=bool)[:, None].repeat(4, axis=1))
+    motion = replace(swing(4, 10), contacts=labelled(np.array([0, 1, 0, 1], dtype=bool)[:, None].repeat(4, axis=1)))
     at = np.array([-3.0, 0.4, 0.6, 1.4, 1.6, 2.4, 2.6, 9.0])
     found = at_frames(motion, at, 10).contacts
-    assert found is not None and found[:, 0].tolist() == [False, False, True, True, False, False, True, True]
+    assert found is not None and found.down[:, 0].tolist() == [False, False, True, True, False, False, True, True]

@@ -16,6 +16,7 @@ from shared_files import ROOT, SHARED, needs_shared
 from robot_retarget.actuators.motors import MOTORS
 from robot_retarget.base.errors import RobotError, UsageError
 from robot_retarget.collision import warnings_of
+from robot_retarget.contact.stance import Stance, margins
 from robot_retarget.judge.compensate import compensated
 from robot_retarget.judge.figures import fall_figures
 from robot_retarget.judge.playback import Playback, roll_out
@@ -25,7 +26,6 @@ from robot_retarget.judge.stance import floor_height, slip_distances, stance_of,
 from robot_retarget.judge.verdict import Thresholds, read_thresholds
 from robot_retarget.judge.worlds import Draw
 from robot_retarget.robot import load_robot
-from robot_retarget.robot.dynamics import Stance, margins
 from robot_retarget.robot.support import feet_of, level_planes
 from robot_retarget.trajectory import Trajectory
 

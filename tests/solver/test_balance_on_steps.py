@@ -12,10 +12,11 @@ from shared_files import ROOT
 
 import robot_retarget as rr
 from robot_retarget.base.arrays import intervals, unit
+from robot_retarget.contact.stance import planned_stance
 from robot_retarget.judge.playback import PlayedPlant
 from robot_retarget.judge.rollout import plant_of, simulate
 from robot_retarget.judge.stance import zero_moment_point
-from robot_retarget.robot.dynamics import ground_push, planned_stance, root_dofs
+from robot_retarget.robot.dynamics import ground_push, root_dofs
 from robot_retarget.robot.support import feet_of, planes_through
 from robot_retarget.scene.geoms import SolidGround
 from robot_retarget.scene.scene import RigidBody, Scene

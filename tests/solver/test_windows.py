@@ -102,7 +102,7 @@ def test_a_foot_that_stands_across_a_join_does_not_move(walk: tuple[Result, Resu
     held, met = result.graph.human.contacts, 0
     for join in [w.first + w.fixed for w in list(SHORT.cut(len(result.trajectory), 20.0))[1:]]:
         for foot in "lr":
-            if held[foot][join - 1 : join + 1].all():
+            if held.of(foot)[join - 1 : join + 1].all():
                 place = world_points(
                     robot, sole_corners(result.match.anatomy, foot), result.trajectory.qpos[join - 1 : join + 1]
                 )

@@ -20,7 +20,7 @@ from robot_retarget.human.readers.points import bridged_turns
 from robot_retarget.human.skeleton import Skeleton, sorted_tree
 
 CONTACTS = ("LeftFoot_Heel", "LeftFoot_Toe", "RightFoot_Heel", "RightFoot_Toe")
-"""In the order of `Motion.contacts`."""
+"""In the order of `Capture.contacts`."""
 _END = "_end"
 
 
@@ -163,7 +163,7 @@ def _placed(
 
 
 def _contacts(subject: _Subject) -> Bools | None:
-    """(T, 4) as `Motion.contacts`, where every frame has them."""
+    """(T, 4) as `Capture.contacts`, where every frame has them."""
     if not set(CONTACTS) <= subject.contacts.keys():
         return None
     rows = [frame.get("footContacts", np.zeros(0)) for frame in subject.frames]

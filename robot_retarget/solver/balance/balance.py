@@ -14,8 +14,9 @@ from scipy.ndimage import gaussian_filter1d
 from robot_retarget.base.arrays import Floats, bearing
 from robot_retarget.base.errors import BalanceError, UsageError, known
 from robot_retarget.base.progress import Count, Progress
+from robot_retarget.contact.soles import sole_contacts
 from robot_retarget.graph.describe import RobotGraph, graph_from
-from robot_retarget.human.features import SUPPORTED, require_own_feet
+from robot_retarget.human.activity import SUPPORTED
 from robot_retarget.human.resample import at_frames
 from robot_retarget.robot import Robot
 from robot_retarget.scene.geoms import SolidGround
@@ -30,7 +31,6 @@ from robot_retarget.solver.balance.balanced_ik import (
 )
 from robot_retarget.solver.balance.footsteps import (
     REACH,
-    StepRule,
     planted_feet,
     reachable_footholds,
     spread,
@@ -46,10 +46,6 @@ from robot_retarget.solver.solve import solution_of
 SWAY = 0.5
 """The body follows the shift of its footholds smoothly, over this time [s]. Half and double change nothing in the
 sample walk on the OP3."""
-
-FLAT = 0.25
-"""`StepRule.speed` for a performer with flat soles, a robot: its labels are exact, and slow beginnings and ends of a swing give
-time to shift the weight [1/s]."""
 
 LEGS = ("auto", "follow", "stand")
 MODES = ("auto", "static", "dynamic", "off")
@@ -111,7 +107,7 @@ def in_balance(
     reason, turns = "", list[Attempt]()
     if legs != "stand":
         try:
-            require_own_feet(graph.human.activity)
+            _require_own_feet(graph.human.not_standing)
             return _first_within(ik, draft, _steps(ik, draft, modes, auto=legs == "auto"), count)
         except BalanceError as error:
             if legs == "follow":
@@ -126,12 +122,17 @@ def in_balance(
     return held, played, solution
 
 
-def _steps(ik: BalancedIk, draft: Solution, modes: tuple[str, ...], auto: bool) -> list[Attempt]:
-    """Return the attempts to follow the human's steps, the most human-like ones first: in the first mode alone if `auto`, without limits at last otherwise.
+def _require_own_feet(needed: str) -> None:
+    """Raises: BalanceError: a motion needs what a robot on its own feet does not have (`HumanFeatures.not_standing`)."""
+    if needed:
+        raise BalanceError(
+            f"{needed}: a robot that stands free cannot play that; keep both feet on the floor (legs 'stand'), or do "
+            "without balance (balance 'off')"
+        )
 
-    Raises:
-        BalanceError: the motion leaves the floor.
-    """
+
+def _steps(ik: BalancedIk, draft: Solution, modes: tuple[str, ...], auto: bool) -> list[Attempt]:
+    """Return the attempts to follow the human's steps, the most human-like ones first: in the first mode alone if `auto`, without limits at last otherwise."""
     planned = _stepping(ik, draft.trajectory.qpos)
     if planned.planted.all():  # nothing is lost in static balance
         tried = [(mode, planned) for mode in reversed(modes)]
@@ -205,15 +206,11 @@ def _headings(graph: RobotGraph) -> Floats:
 
 
 def _stepping(ik: BalancedIk, draft: Floats, share: float = 1.0) -> PlaybackClip:
-    """Return the draft with steps within a share of the robot's reach; its body follows them.
-
-    Raises:
-        BalanceError: the motion leaves the floor.
-    """
+    """Return the draft with steps within a share of the robot's reach; its body follows them."""
     graph, fps, ground = ik.graph, ik.graph.fps, SolidGround(ik.graph.bodies)
     corners = ik.corners(draft)
-    exact = StepRule(speed=FLAT) if graph.match.recognition.segments else None
-    planted = planted_feet(graph.human.contacts, ik.feet, corners, ik.leg, fps, exact, ground)
+    own_feet = sole_contacts(graph.robot, graph.match.anatomy, draft, fps, graph.bodies)
+    planted = planted_feet(graph.human.contacts, own_feet, corners, fps)
     own = stand_places(ik)
     corners = spread(corners, own)
     kept = without_small_swings(planted, corners, ik.leg, fps, ground)

@@ -276,11 +276,12 @@ def in_place(human: HumanFeatures, match: Match, turning: bool = False) -> tuple
     back = Rotation.from_euler("z", -slow[:, None]).as_matrix()
     pelvis = match.index("pelvis") if "pelvis" in match.keypoints else 0
     centred = human.positions - human.positions[:, pelvis : pelvis + 1] * [1.0, 1.0, 0.0]
+    contacts = human.contacts
     standing = replace(
         human,
         positions=np.einsum("tij,tkj->tki", back, centred),
         axes=back[:, None] @ human.axes,
-        contacts={foot: np.ones_like(stands) for foot, stands in human.contacts.items()},
+        contacts=replace(contacts, down=np.ones_like(contacts.down), stands=np.ones_like(contacts.stands)),
     )
     return standing, slow
 

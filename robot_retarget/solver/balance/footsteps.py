@@ -5,14 +5,13 @@
 Soles are their corners (T, F, 4, 3) in the order of `robot.support.CORNER_NAMES`, the left foot first.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from robot_retarget.base.arrays import Floats, intervals, leftward, smoothstep, unit
-from robot_retarget.base.errors import BalanceError
+from robot_retarget.contact.record import ContactRecord
 from robot_retarget.contact.rule import ContactRule, over_lowest, without_flicker
 from robot_retarget.graph.soles import flattened, laid, lengths
 from robot_retarget.scene.geoms import SolidGround, filled
@@ -27,60 +26,35 @@ from robot_retarget.scene.geoms import SolidGround, filled
 class StepRule:
     """The definition of a step of the robot; lengths in units of its leg."""
 
-    speed: float = 0.6
-    """A sole slower than this [1/s] (half: the sample walk on the OP3 takes 1.04 instead of 1.06 times the human's time, doubled 1.15; it falls in
-    none of four drawn worlds) ..."""
     height: float = 0.06
-    """... and lower than this stands, regardless of the human's label. Half and double change nothing in the sample walk."""
-    flight: float = 0.12
-    """A longer time without a foot on the floor, with both feet higher than `lift` in between, is a jump [s]. Half and double
-    change nothing in the sample walk."""
+    """A foot that is put down higher by more than this steps, however low it goes. Half and double change nothing in the sample walk."""
     lift: float = ContactRule.high
     """A foot lifted less ..."""
     travel: float = 0.3
     """... and with all corners put down nearer to their last stance stays planted. Half and double change nothing in the sample walk."""
 
 
-def planted_feet(
-    stances: dict[str, np.ndarray],
-    feet: tuple[str, ...],
-    corners: Floats,
-    leg: float,
-    fps: float,
-    rule: StepRule | None = None,
-    ground: SolidGround | None = None,
-) -> np.ndarray:
-    """Return (T, F) the feet of the robot on the ground or nearly so; at least one at every frame.
+def planted_feet(human: ContactRecord, draft: ContactRecord, corners: Floats, fps: float) -> np.ndarray:
+    """Return (T, F) the feet of the robot that are to stand; at least one at every frame.
 
     Args:
-        stances: the human's, per foot (T, 2) toe and heel (`contact.rule`).
-        corners: (T, F, 4, 3) corners of the robot's retargeted soles [m].
-        ground: under them; the floor alone by default.
-
-    Raises:
-        BalanceError: the motion leaves the floor.
+        human: its contacts.
+        draft: contacts of the robot's retargeted feet, F of them.
+        corners: (T, F, 4, 3) corners of their soles [m].
     """
-    chosen = rule or StepRule()
-    low, speed = _heights(corners, fps, ground, np.median), _speed(corners, fps)
-    _refuse_flight(_heights(corners, fps, ground).min(axis=1) / leg, fps, chosen)
-    labelled = [stances[f].any(axis=1) if f in stances else np.zeros(len(corners), bool) for f in feet]
-    planted = np.stack(labelled, axis=1) | ((low < chosen.height * leg) & (speed < chosen.speed * leg))
-    planted = without_flicker(planted, fps)
-    nobody = np.flatnonzero(~planted.any(axis=1))
+    labelled = np.stack([human.of(foot).any(axis=1) for foot in draft.feet], axis=1)
+    planted = without_flicker(labelled | draft.planted, fps)
+    nobody, speed = np.flatnonzero(~planted.any(axis=1)), _speed(corners, fps)
     planted[nobody, speed[nobody].argmin(axis=1)] = True
     return planted
 
 
-def _heights(corners: Floats, fps: float, ground: SolidGround | None, of: Callable[..., Floats] = np.min) -> Floats:
-    """Return heights (T, F) of soles (T, F, 4, 3) over the ground; on a level floor over its drift [m].
-
-    Args:
-        of: `np.min` of the points of a sole; `np.median` if half of it must be low: toes over an edge carry no load.
-    """
+def _heights(corners: Floats, fps: float, ground: SolidGround | None) -> Floats:
+    """Return heights (T, F) of soles (T, F, 4, 3) over the ground; on a level floor over its drift [m]."""
     if ground is None or ground.level:
         return over_lowest(corners[..., 2].min(axis=2), fps)
     points = filled(corners)
-    return of(ground.over(points.reshape(len(points), -1, 3)).reshape(points.shape[:3]), axis=2)
+    return ground.over(points.reshape(len(points), -1, 3)).reshape(points.shape[:3]).min(axis=2)
 
 
 def without_small_swings(
@@ -118,16 +92,6 @@ def _speed(corners: Floats, fps: float) -> Floats:
     """Return (T, F) speeds of the soles' middles along the floor, over a tenth of a second [m/s]."""
     middle = uniform_filter1d(corners.mean(axis=2)[..., :2], max(1, round(0.1 * fps)), axis=0, mode="nearest")
     return np.linalg.norm(np.gradient(middle, 1 / fps, axis=0), axis=2)
-
-
-def _refuse_flight(lowest: Floats, fps: float, rule: StepRule) -> None:
-    """Raises: BalanceError: the lowest foot, at heights (T,) in legs, is in the air for a jump."""
-    for start, stop in intervals(lowest > rule.height):
-        if (stop - start) / fps > rule.flight and lowest[start:stop].max() > rule.lift:
-            raise BalanceError(
-                f"no foot is on the floor from {start / fps:.1f} to {stop / fps:.1f} s: a robot that stands free cannot "
-                "play that; keep both feet on the floor (legs 'stand'), or do without balance (balance 'off')"
-            )
 
 
 # Steps within the reach of short legs: the place of each foothold relative to the other foot's stance.

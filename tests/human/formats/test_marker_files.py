@@ -192,7 +192,7 @@ def test_segments_of_mvnx_are_joints_with_rotations_and_contacts(tmp_path: Path,
         motion.positions[:, kept] - walk.positions, (motion.positions[:, kept] - walk.positions)[0, 0], atol=1e-9
     )
     assert np.allclose(np.abs((motion.rotations[:, kept] * walk.rotations).sum(2)), 1)
-    assert motion.contacts is not None and motion.contacts.all(axis=0).tolist() == [True, False, False, False]
+    assert motion.contacts is not None and motion.contacts.labels.all(axis=0).tolist() == [True, False, False, False]
 
 
 def test_a_cut_mvnx_is_refused_with_its_line(tmp_path: Path, walk: Motion) -> None:

@@ -12,8 +12,8 @@ from robot_retarget.base.arrays import Floats, Ints, intervals
 from robot_retarget.base.errors import MatchError
 from robot_retarget.base.keypoints import parents_within
 from robot_retarget.collision import Warnings
+from robot_retarget.contact.stance import Stance
 from robot_retarget.robot.body_distances import RobotAmongBodies
-from robot_retarget.robot.dynamics import Stance
 from robot_retarget.robot.geoms import collision_geoms
 from robot_retarget.robot.kinematics import world_points
 from robot_retarget.robot.model import Robot

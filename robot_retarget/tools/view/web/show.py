@@ -8,8 +8,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Floats, intervals, path_to_root
+from robot_retarget.contact.stance import Stance, planned_stance
 from robot_retarget.judge.report import Report
-from robot_retarget.robot.dynamics import Stance, planned_stance
 from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import joint_velocities
