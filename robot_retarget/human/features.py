@@ -23,7 +23,6 @@ from robot_retarget.human.segments import (
     FEET,
     carrying_joint,
     facing,
-    heading,
     matrices_of,
     segment_constants,
     untwisted,
@@ -178,8 +177,9 @@ class HumanFeatures:
 
     @cached_property
     def heading(self) -> Floats:
-        """(T, 2) unit vectors along the floor in which the body faces."""
-        return heading(self.facing)
+        """(T, 2) unit vectors along the floor across the hips (`Match.heading`)."""
+        angle = self.calibration.match.heading(self.positions)
+        return np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
     @property
     def level(self) -> Floats:

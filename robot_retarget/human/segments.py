@@ -292,11 +292,6 @@ def facing(frames: dict[str, Floats], count: int) -> Floats:
     return np.broadcast_to(np.eye(3), (count, 3, 3))
 
 
-def heading(frames: Floats) -> Floats:
-    """(…, 2) the forward of frames (…, 3, 3) along the floor."""
-    return unit(frames[..., :2, 0])
-
-
 def _upright(left: Floats, up: Floats) -> Floats:
     """Frames whose left is `left` and whose up is `up` less its part along it."""
     y = unit(left)

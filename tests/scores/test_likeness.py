@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from shared_files import ROOT, SHARED, needs_shared
 
 import robot_retarget as rr
+from robot_retarget.base.arrays import bearing
 from robot_retarget.contact.touch import lasting
 from robot_retarget.graph.placed_scene import pelvis_path
 from robot_retarget.judge.verdict import Thresholds
@@ -60,6 +61,17 @@ def test_the_heading_is_off_by_the_share_of_the_turn_that_is_left_out(
     turn = human_travel(turning_walk.human).heading
     found = likeness_of(turning_walk.human, turning_walk.robot, turned(turning_walk, share))
     assert found.heading_off == pytest.approx((1 - share) * np.quantile(np.abs(turn), 0.9), abs=0.01)
+
+
+@needs_shared
+def test_graph_balance_and_likeness_see_one_heading_across_the_hips() -> None:
+    dance = rr.read_motion(SHARED / "motions/bvh/cmu_cgspeed_motionbuilder/05_06_dance.bvh").frames(0, 300)
+    human = rr.describe(dance.resample(15), rr.load_robot("op3")).human
+    match = human.calibration.match
+    left = human.positions[:, match.index("l_hip"), :2] - human.positions[:, match.index("r_hip"), :2]
+    np.testing.assert_allclose(human.heading, np.stack([left[:, 1], -left[:, 0]], 1) / np.hypot(*left.T)[:, None])
+    turned = np.unwrap(bearing(human.heading))
+    np.testing.assert_allclose(human_travel(human).heading, turned - turned[0], atol=1e-9)
 
 
 def test_steps_of_a_walk_are_counted_on_both_bodies(walk: rr.RobotGraph) -> None:
