@@ -2,7 +2,7 @@
 
     path_off     mean ‖Δp − r Δh‖ / max(mean ‖r Δh‖, ℓ)      pelvis p, human pelvis h, leg ratio r, robot leg ℓ
     heading_off  90th percentile of |Δψ_p − Δψ_h|
-    steps_lost   1 − N_p / N_h
+    steps_lost   share of the human's steps during which the same foot of the robot stays down
 
 Δ is the change since the first frame. The human is always the one of the motion, also where the robot keeps its feet in place.
 """
