@@ -260,8 +260,12 @@ def load_trajectory(path: str | Path) -> Trajectory:
         raise TrajectoryError(f"{path}: {error}") from None
 
 
+def _is_figure(value: object) -> bool:
+    return value is None or isinstance(value, str) or (isinstance(value, int | float) and abs(value) <= LARGEST_FIGURE)
+
+
 def _read_likeness(text: str) -> dict[str, Any]:
-    """Return figures from JSON: finite numbers, texts and nothings by name.
+    """Return figures from JSON: finite numbers, texts and nothings by name, and rows of them under `attempts`.
 
     Raises:
         TrajectoryError: it is something else.
@@ -270,10 +274,9 @@ def _read_likeness(text: str) -> dict[str, Any]:
         found = json.loads(text, parse_constant=float)
     except (ValueError, RecursionError):
         found = None
-    values = list(found.values()) if isinstance(found, dict) else [found]
-    if not isinstance(found, dict) or not all(
-        value is None or isinstance(value, str) or (isinstance(value, int | float) and abs(value) <= LARGEST_FIGURE)
-        for value in values
-    ):
+    rows = found.get("attempts", []) if isinstance(found, dict) else None
+    if not isinstance(found, dict) or not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+        raise TrajectoryError("likeness is not a table of figures")
+    if not all(_is_figure(value) for table in ({**found, "attempts": None}, *rows) for value in table.values()):
         raise TrajectoryError("likeness is not a table of figures")
     return found

@@ -108,6 +108,24 @@ def judged_lines(report: Report) -> list[Line]:
     return lines
 
 
+WAYS = {"follow": "steps of the human", "turn": "turns in place", "stand": "both feet in place"}
+"""The values of `legs` in words."""
+
+
+def attempted(figures: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """Return (way, longest steps, slowdown, margin, rounds solved, reasons) of every attempt at balance; none without it."""
+    units = {"reach": "of all", "slowdown": "", "margin_m": "m", "solved": ""}
+    found = [(row, [row.get(name) for name in units]) for row in figures.get("attempts") or ()]
+    return [
+        (
+            f"{WAYS.get(row.get('legs'), '–')}, {row.get('mode')}",
+            *("–" if value is None else shown(value, unit) for value, unit in zip(values, units.values(), strict=True)),
+            row.get("reasons") or "nothing",
+        )
+        for row, values in found
+    ]
+
+
 def facts(figures: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """Return (what, value, meaning) of every reported figure of a simulation."""
     found = ((fact, figures.get(fact.figure)) for fact in FACTS)

@@ -74,9 +74,11 @@ class Result:
 
     @property
     def trajectory(self) -> Trajectory:
-        """The robot's configurations over time, with their likeness to the human's and the least margin of their balance."""
-        margin = {} if self.balance is None else {"plan_margin_m": round(float(self.balance.margin.min()), 4)}
-        return replace(self.solution.trajectory, likeness={**self.likeness.figures(), **margin})
+        """The robot's configurations over time, with their likeness to the human's, and least margin and attempts of their balance."""
+        found, figures = self.balance, self.likeness.figures()
+        if found is not None:
+            figures |= {"plan_margin_m": round(float(found.margin.min()), 4), "attempts": list(found.attempts)}
+        return replace(self.solution.trajectory, likeness=figures)
 
     def save(self, path: str | Path) -> Path:
         """Write the trajectory (`.npz`) and return its path.

@@ -23,6 +23,7 @@ def test_a_walk_too_fast_for_static_balance_walks_in_dynamic_balance_instead_of_
     static = rr.retarget(fast, robot, balance="static").balance
     result = rr.retarget(fast, robot)
     assert static is not None and static.legs == "stand" and "2.5 times as long" in static.instead
+    assert [row["solved"] for row in static.attempts if row["reasons"]] == [0]  # what cannot work is known before
     assert result.balance is not None and (result.balance.legs, result.balance.mode) == ("follow", "dynamic")
     assert result.trajectory.balance == "dynamic" and result.balance.margin.min() > 0
     assert rr.simulate(result.trajectory, robot, mode="free", draws=0).verdict == "pass"

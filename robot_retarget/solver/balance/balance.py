@@ -5,8 +5,9 @@
 The last step is a second retargeting: the human's edges at the playback's pace, plus footholds and centre of mass.
 """
 
-from contextlib import suppress
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
@@ -20,7 +21,7 @@ from robot_retarget.human.activity import SUPPORTED
 from robot_retarget.human.resample import at_frames
 from robot_retarget.robot import Robot
 from robot_retarget.scene.geoms import SolidGround
-from robot_retarget.scores.likeness import Alike, likeness_of
+from robot_retarget.scores.likeness import Alike, Likeness, likeness_of
 from robot_retarget.solver.balance.balanced_ik import (
     BalancedIk,
     balanced_stand,
@@ -38,7 +39,7 @@ from robot_retarget.solver.balance.footsteps import (
     without_small_swings,
 )
 from robot_retarget.solver.balance.plan import DYNAMIC, STATIC, SWEEPS, PlaybackClip
-from robot_retarget.solver.balance.playback import MARGIN, Balanced, expected_steps, paced
+from robot_retarget.solver.balance.playback import MARGIN, Balanced, begun, expected_steps, foreseen, playbacks
 from robot_retarget.solver.balance.turns import turned_soles, turning_steps
 from robot_retarget.solver.solution import Solution
 from robot_retarget.solver.solve import solution_of
@@ -46,6 +47,12 @@ from robot_retarget.solver.solve import solution_of
 SWAY = 0.5
 """The body follows the shift of its footholds smoothly, over this time [s]. Half and double change nothing in the
 sample walk on the OP3."""
+
+SURE = 1.2
+"""Legs and trunk of a few moments are foreseen to differ by more than a limit if they do by this factor more: 2.3° of a trunk's 11.5 [-]."""
+FAR = 0.5
+"""A zero moment point of the steps alone farther outside the soles than this comes in no more, over the leg: 110 mm on the OP3. In thirteen clips it is at
+−62 mm or nearer in those that come in, and at −249 mm and farther in a kick that does not [-]."""
 
 LEGS = ("auto", "follow", "stand")
 MODES = ("auto", "static", "dynamic", "off")
@@ -79,8 +86,39 @@ def balance_modes(robot: Robot, legs: str, balance: str) -> tuple[str, ...]:
 
 Played = tuple[Balanced, RobotGraph, Solution]
 """A playback, the graph at its frames, and its solution."""
-Attempt = tuple[str, PlaybackClip, Alike | None]
-"""A mode of balance, a clip and the limits of its playback."""
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """A way to play a clip, and what came of it."""
+
+    legs: str
+    """`follow`, `turn` or `stand`, as in `Balanced`."""
+    mode: str
+    share: float = 1.0
+    """Longest steps over the robot's reach [-]."""
+    clip: PlaybackClip | None = None
+    """None where the motion leaves the feet."""
+    most: Alike | None = None
+    """Its limits; None for a last resort."""
+    found: Balanced | None = None
+    """The playback, if limbs were solved."""
+    slowdown: float | None = None
+    solved: int = 0
+    """Number of playbacks whose limbs were solved."""
+    reasons: tuple[str, ...] = ()
+    """What speaks against it; empty where it keeps its limits."""
+
+    @property
+    def row(self) -> dict[str, Any]:
+        """Its line of a report."""
+        figures = {"legs": self.legs, "mode": self.mode, "reach": self.share, "solved": self.solved}
+        if self.slowdown is not None:
+            figures["slowdown"] = round(self.slowdown, 3)
+        if self.found is not None:
+            margin = round(float(self.found.margin.min()), 4)
+            figures |= {"stride": round(self.found.stride, 3), "sweep": self.found.sweep, "margin_m": margin}
+        return figures | {"reasons": "; ".join(self.reasons)}
 
 
 def in_balance(
@@ -103,84 +141,116 @@ def in_balance(
         raise BalanceError(f"{graph.robot.name} has no two feet to stand on: do without balance (balance 'off')")
     if len(graph) < 2:
         raise BalanceError("a motion of one frame has no playback: take more frames, or use balance 'off'")
-    ik, count = BalancedIk(graph), Count(progress, expected_steps(graph))
-    reason, turns = "", list[Attempt]()
-    if legs != "stand":
-        try:
-            _require_own_feet(graph.human.not_standing)
-            return _first_within(ik, draft, _steps(ik, draft, modes, auto=legs == "auto"), count)
-        except BalanceError as error:
-            if legs == "follow":
-                raise
-            reason = str(error).split(": a robot that stands free")[0]
-        turning = _standing(ik, draft.trajectory.qpos, turning=True)
-        if not turning.planted.all() and graph.human.activity.kind != SUPPORTED:
-            turns = [(modes[0], clip, Alike(unlike_legs=np.pi)) for clip in _paces(ik, turning)]
-    stand: Attempt = modes[-1], _standing(ik, draft.trajectory.qpos), None
-    balanced, played, solution = _first_within(ik, draft, [*turns, stand], count)
-    held = replace(balanced, legs="stand" if balanced.timeline.planted.all() else "turn", instead=reason)
-    return held, played, solution
+    ik, count, tried = BalancedIk(graph), Count(progress, expected_steps(graph)), list[Attempt]()
+    for attempt in _ways(ik, draft, legs, modes):
+        tried.append(attempt if attempt.reasons else _tried(ik, attempt, count))
+        if not tried[-1].reasons:
+            break
+    chosen = min(tried, key=lambda attempt: len(attempt.reasons))
+    assert chosen.found is not None and chosen.clip is not None
+    off = next((reason for attempt in tried if attempt.legs == "follow" for reason in attempt.reasons), "")
+    balanced = replace(
+        chosen.found,
+        legs=chosen.legs if not chosen.found.timeline.planted.all() or chosen.legs == "follow" else "stand",
+        mode=chosen.mode,
+        instead=off if chosen.legs != "follow" else "",
+        attempts=tuple(attempt.row for attempt in tried),
+    )
+    played = replace(_graph_at(ik, chosen.clip, balanced.timeline.at), tracks=balanced.tracks)
+    solution = solution_of(ik.solver, played, list(balanced.poses), draft.timings)
+    times = np.interp(balanced.timeline.at, np.arange(len(graph)), draft.trajectory.source_time)
+    moved = replace(solution.trajectory, balance=chosen.mode, source_time=times)
+    return balanced, played, replace(solution, trajectory=moved)
 
 
-def _require_own_feet(needed: str) -> None:
-    """Raises: BalanceError: a motion needs what a robot on its own feet does not have (`HumanFeatures.not_standing`)."""
-    if needed:
-        raise BalanceError(
-            f"{needed}: a robot that stands free cannot play that; keep both feet on the floor (legs 'stand'), or do "
-            "without balance (balance 'off')"
-        )
-
-
-def _steps(ik: BalancedIk, draft: Solution, modes: tuple[str, ...], auto: bool) -> list[Attempt]:
-    """Return the attempts to follow the human's steps, the most human-like ones first: in the first mode alone if `auto`, without limits at last otherwise."""
-    planned = _stepping(ik, draft.trajectory.qpos)
-    if planned.planted.all():  # nothing is lost in static balance
-        tried = [(mode, planned) for mode in reversed(modes)]
-    else:
-        shorter = [_stepping(ik, draft.trajectory.qpos, share) for share in (0.75, 0.5)]
-        steps = {"dynamic": [c for clip in (planned, *shorter) for c in _paces(ik, clip)], "static": shorter[1:]}
-        tried = [(mode, clip) for mode in (modes[:1] if auto else modes) for clip in steps[mode]]
-    return [(*each, Alike()) for each in tried[:-1]] + [(*tried[-1], Alike() if auto else None)]
-
-
-def _first_within(ik: BalancedIk, draft: Solution, attempts: list[Attempt], count: Count) -> Played:
-    """Return the first playback that keeps to its limits. Raises: BalanceError: the last attempt does not."""
-    *others, last = attempts
-    for attempt in others:
-        with suppress(BalanceError):
-            return _played_as(ik, draft, count, *attempt)
-    return _played_as(ik, draft, count, *last)
-
-
-def _require_alike(graph: RobotGraph, qpos: Floats, frames: np.ndarray, most: Alike) -> None:
-    """Raises: BalanceError: legs or trunk are too far from the human's."""
-    likeness = likeness_of(graph.human, graph.robot, qpos, frames)
-    for part, bound in (("legs", most.unlike_legs), ("trunk", most.unlike_trunk)):
-        if (off := likeness.part(part) or 0.0) > bound and likeness.beyond(part) > bound:
-            raise BalanceError(f"stepping would turn the {part} {np.degrees(off):.0f}° from the human's")
-
-
-def _played_as(
-    ik: BalancedIk, draft: Solution, count: Count, mode: str, clip: PlaybackClip, most: Alike | None = None
-) -> Played:
-    """Return the playback of a clip in a mode of balance.
+def _ways(ik: BalancedIk, draft: Solution, legs: str, modes: tuple[str, ...]) -> Iterator[Attempt]:
+    """Yield the ways to play a clip, the most human-like first and one without limits last.
 
     Raises:
-        BalanceError: the result exceeds limits, or comes nearer than `MARGIN` to the edge of the support.
+        BalanceError: `legs` is `follow`, and the motion leaves the feet.
     """
-    slowest = most.unlike_slowdown if most else np.inf
-    found = replace(paced(ik, clip, (STATIC,) if mode == "static" else DYNAMIC, count, slowest), mode=mode)
-    frames = np.round(found.timeline.at).astype(int)
-    motion = at_frames(clip.graph.motion, found.timeline.at, ik.graph.fps)
-    played = replace(clip.graph.at(frames), motion=motion, tracks=found.tracks)
-    if most:
-        if found.margin.min() < MARGIN * ik.leg:
-            tips = found.margin.argmin() / found.timeline.fps
-            raise BalanceError(f"stepping would tip the robot over at {tips:.1f} s of the playback")
-        _require_alike(played, found.qpos, found.timeline.share >= 1, most)
-    solution = solution_of(ik.solver, played, list(found.poses), draft.timings)
-    times = np.interp(found.timeline.at, np.arange(len(ik.graph)), draft.trajectory.source_time)
-    return found, played, replace(solution, trajectory=replace(solution.trajectory, balance=mode, source_time=times))
+    graph, qpos = ik.graph, draft.trajectory.qpos
+    if legs != "stand":
+        if not graph.human.not_standing:
+            yield from _steps(ik, qpos, modes, auto=legs == "auto")
+        elif legs == "follow":
+            raise BalanceError(
+                f"{graph.human.not_standing}: a robot that stands free cannot play that; keep both feet on the floor (legs "
+                "'stand'), or do without balance (balance 'off')"
+            )
+        else:
+            yield Attempt("follow", modes[0], reasons=(graph.human.not_standing,))
+        turning = _standing(ik, qpos, turning=True)
+        if not turning.planted.all() and graph.human.activity.kind != SUPPORTED:
+            yield Attempt("turn", modes[0], clip=turning, most=Alike(unlike_legs=np.pi))
+    yield Attempt("stand", modes[-1], clip=_standing(ik, qpos))
+
+
+def _steps(ik: BalancedIk, qpos: Floats, modes: tuple[str, ...], auto: bool) -> Iterator[Attempt]:
+    """Yield the ways to follow the human's steps: in the first mode alone if `auto`, in all of them and the last without limits otherwise."""
+    planned = _stepping(ik, qpos)
+    if planned.planted.all():  # nothing is lost in static balance
+        tried = [(mode, 1.0) for mode in reversed(modes)]
+    else:
+        shares = {"dynamic": (1.0, 0.75, 0.5), "static": (0.5,)}
+        tried = [(mode, share) for mode in (modes[:1] if auto else modes) for share in shares[mode]]
+    for mode, share in tried:
+        clip = planned if share == 1 else _stepping(ik, qpos, share)
+        yield Attempt("follow", mode, share, clip, Alike() if auto or (mode, share) != tried[-1] else None)
+
+
+def _tried(ik: BalancedIk, attempt: Attempt, count: Count) -> Attempt:
+    """Return an attempt with its playback, or with what speaks against it.
+
+    What cannot work is known from the steps and a few moments, before limbs are solved. Pace and likeness end it after any round.
+    """
+    clip, most = attempt.clip, attempt.most
+    assert clip is not None
+    ends = (STATIC,) if attempt.mode == "static" else DYNAMIC
+    swift = attempt.mode == "dynamic" and getattr(ik.robot.servo_map, "balance", None)
+    start = begun(
+        ik, replace(clip, sweep=SWEEPS[0] if swift else SWEEPS[-1]), ends, most.unlike_slowdown if most else np.inf
+    )
+    found, solved, slowdown = None, 0, float(start.stretch.mean())
+    reasons = _unlike(slowdown, most)
+    if not reasons:
+        start, margin, frames, qpos = foreseen(ik, start, ends)
+        moments = likeness_of(_graph_at(ik, clip, start.plan.timeline.at[frames]).human, ik.robot, qpos)
+        reasons = _unlike(slowdown, most, moments, SURE) or _tipping(margin, most, -FAR * ik.leg, clip.fps)
+    for found in () if reasons else playbacks(ik, start, ends, count):
+        solved, slowdown, inside = solved + 1, found.slowdown, found.timeline.share >= 1
+        likeness = likeness_of(_graph_at(ik, clip, found.timeline.at).human, ik.robot, found.qpos, inside)
+        if reasons := _unlike(slowdown, most, likeness):
+            break
+    if found is not None and not reasons:
+        reasons = _tipping(found.margin, most, MARGIN * ik.leg, clip.fps)
+    return replace(attempt, found=found, solved=solved, slowdown=slowdown, reasons=reasons)
+
+
+def _unlike(
+    slowdown: float, most: Alike | None, likeness: Likeness | None = None, sure: float = 1.0
+) -> tuple[str, ...]:
+    """Return how pace, legs and trunk differ from the human's by more than the limits, those of legs and trunk times `sure`."""
+    if most is None:
+        return ()
+    late = slowdown > most.unlike_slowdown
+    reasons = [f"stepping would take over {most.unlike_slowdown:g} times as long as the human"] if late else []
+    for part, bound in (("legs", sure * most.unlike_legs), ("trunk", sure * most.unlike_trunk)):
+        if likeness and (off := likeness.part(part) or 0.0) > bound and likeness.beyond(part) > bound:
+            reasons.append(f"stepping would turn the {part} {np.degrees(off):.0f}° from the human's")
+    return tuple(reasons)
+
+
+def _tipping(margin: Floats, most: Alike | None, least: float, fps: float) -> tuple[str, ...]:
+    """Return where the margins (K,) of the zero moment point are below a least one [m]."""
+    if most is None or margin.min() >= least:
+        return ()
+    return (f"stepping would tip the robot over at {margin.argmin() / fps:.1f} s of the playback",)
+
+
+def _graph_at(ik: BalancedIk, clip: PlaybackClip, at: Floats) -> RobotGraph:
+    """Return the graph at frames (K,) of the clip."""
+    return replace(clip.graph.at(np.round(at).astype(int)), motion=at_frames(clip.graph.motion, at, ik.graph.fps))
 
 
 def _standing(ik: BalancedIk, draft: Floats, turning: bool = False) -> PlaybackClip:
@@ -192,12 +262,6 @@ def _standing(ik: BalancedIk, draft: Floats, turning: bool = False) -> PlaybackC
     planted, places = turning_steps(planted, turned_soles(own, headings), own, headings, graph.fps, ik.turn)
     still = graph_from(graph, human)
     return PlaybackClip(still, posed, places, planted, graph.fps, ground=SolidGround(still.bodies))
-
-
-def _paces(ik: BalancedIk, clip: PlaybackClip) -> list[PlaybackClip]:
-    """Return the clip at each of the paces to try: without feedback, a robot falls more often with quick steps."""
-    sweeps = SWEEPS if getattr(ik.robot.servo_map, "balance", None) else SWEEPS[-1:]
-    return [replace(clip, sweep=sweep) for sweep in sweeps]
 
 
 def _headings(graph: RobotGraph) -> Floats:

@@ -1,6 +1,6 @@
 """A clip laid out in time, from a stand at its pace into a stand, with its targets and its supports."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import casadi as ca
@@ -48,6 +48,14 @@ class Steadiness:
     Half changes nothing in the sample walk on the OP3; doubled, it takes 1.39 instead of 1.06 times the human's time."""
     penalty: float = 1e5
     """Weight of the squared excess over the polygon. Half and double change the legs of the sample walk by less than 0.01°."""
+
+
+def between(first: Steadiness, last: Steadiness, share: float) -> Steadiness:
+    """Return options that are a share of the way from the first to the last."""
+    return replace(
+        first,
+        **{name: (1 - share) * vars(first)[name] + share * vars(last)[name] for name in ("keep", "middle", "edge")},
+    )
 
 
 STATIC = Steadiness()

@@ -1,19 +1,18 @@
 """The playback of a clip in balance: planted, and slowed down in rounds until joints, soles and weight can follow."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
-from robot_retarget.base.arrays import JERK_PEAK, Floats, intervals
-from robot_retarget.base.errors import BalanceError
+from robot_retarget.base.arrays import JERK_PEAK, Floats, Ints, intervals
 from robot_retarget.base.progress import Count
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.track import Track
 from robot_retarget.robot import Robot
 from robot_retarget.robot.dynamics import joint_torques, tread
-from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.timing import sample
 from robot_retarget.solver.balance.balanced_ik import BalancedIk
 from robot_retarget.solver.balance.footsteps import REACH
@@ -25,11 +24,14 @@ from robot_retarget.solver.balance.plan import (
     Steadiness,
     Timeline,
     ZmpPlan,
+    between,
     plan_playback,
 )
+from robot_retarget.solver.balance.steps import steps_alone
 from robot_retarget.solver.descent import FrameSolution
+from robot_retarget.solver.limits import targets_of
 from robot_retarget.solver.options import Smoothing
-from robot_retarget.solver.passes import ClipProblem, Passes, clip_of
+from robot_retarget.solver.passes import Passes, clip_of
 from robot_retarget.trajectory import Trajectory
 
 # The time that a motion needs: it slows down if a joint, the zero moment point or a shift of weight needs more.
@@ -76,7 +78,7 @@ class Pacing:
     """Time over which the pace changes, in time of the playback [s]."""
     shifts: int = 24
     """Number of rounds of shifting weight, which are cheap ..."""
-    rounds: int = 4
+    rounds: int = 6
     """... and rounds of the whole motion."""
 
 
@@ -186,9 +188,10 @@ sample walk at 2.1 times its speed falls with 0.8 and 0.9 as well."""
 HURRIED = 1.1
 """A clip whose swings alone take more times its time keeps the last conditions: the sample walk at 2.1 times its speed (1.47) falls with the first ones
 at margins of 7.8 and 9.2 mm, and stands with the last ones at 8.2 mm; "walk01 ot" (1.02) stands in ten soft worlds with the first at 7.5 mm [-]."""
-IN_TURN = 3
-"""Planting frame by frame takes about as long as this number of passes over all frames; the progress counts it as
-such."""
+FORESEEN = 2
+"""Rounds of the steps alone before limbs are solved."""
+MOMENTS = 16
+"""Frames whose limbs tell how like the human's a playback will be: in seven clips the trunk is within 3.7° of that of the playback, and legs within 2.1°."""
 ROUNDS = 1.5
 """Expected number of rounds of planting, including the first."""
 
@@ -219,8 +222,12 @@ class Balanced:
     """`follow`, `turn` (in place, with the human) or `stand`."""
     mode: str = "static"
     """`static` or `dynamic`."""
+    sweep: float = SWEEPS[-1]
+    """Which of `SWEEPS` its swings have in dynamic balance."""
     instead: str = ""
     """Reason for both feet in place, if the legs were to follow when possible."""
+    attempts: tuple[Mapping[str, Any], ...] = ()
+    """The ways to play that were tried, the most human-like first, as rows of the report."""
 
     @property
     def qpos(self) -> Floats:
@@ -241,58 +248,118 @@ class Balanced:
 
 def expected_steps(graph: RobotGraph) -> int:
     """Estimate the progress steps of `in_balance`: the playback takes about twice as long as the clip."""
-    return round(2 * ROUNDS * len(graph) * (IN_TURN + Smoothing().passes))
+    return round(2 * ROUNDS * len(graph) * Smoothing().passes)
 
 
-def paced(
-    ik: BalancedIk, clip: PlaybackClip, conditions: Sequence[Steadiness], count: Count, slowest: float
-) -> Balanced:
-    """Return the clip in balance, slowed down where a joint, the zero moment point or a shift of weight needs time.
+@dataclass(frozen=True, eq=False)
+class Start:
+    """A playback before its limbs are solved."""
 
-    The first conditions hold first, unless the swings are `HURRIED`. Where the least margin is below `MARGIN` and rises no more from plan to plan,
-    the next ones do, and after the last the pace is slowed.
+    clip: PlaybackClip
+    pacing: Pacing
+    stretch: Floats
+    """(T − 1,) duration of each frame over its own [-]."""
+    plan: PlaybackPlan
+    tight: float
+    """Conditions on the centre of mass: 0 the most human-like ones, 1 the last ones."""
+
+
+def begun(ik: BalancedIk, clip: PlaybackClip, ends: Sequence[Steadiness], slowest: float = np.inf) -> Start:
+    """Return the start of a playback: the time of its swings and shifts of weight, up to a mean of `slowest` times the clip's own.
+
+    Args:
+        ik: gives stands, soles and centres of mass.
+        clip: T frames of the draft and their planted feet.
+        ends: conditions on the centre of mass, the most human-like first; swings that are `HURRIED` take the last.
+        slowest: where the search for time ends [-].
+    """
+    pacing = Pacing() if ends[0].static else Pacing(swing=swing_time(ik, clip.sweep), transfer=0.0)
+    clip, tight = replace(clip, swing=pacing.swing), 0.0
+    stretch, plan = _with_time_for_weight(ik, clip, ends[0], pacing, slowest)
+    if len(ends) > 1 and HURRIED < stretch.mean() <= slowest:
+        tight, (stretch, plan) = 1.0, _with_time_for_weight(ik, clip, ends[-1], pacing, slowest)
+    return Start(clip, pacing, stretch, plan, tight)
+
+
+class Foreseen(NamedTuple):
+    """What is known of a playback before its limbs are solved."""
+
+    start: Start
+    """Its plan makes up for the limbs of the steps alone."""
+    margin: Floats
+    """(K,) margin of the zero moment point of the steps alone [m]."""
+    frames: Ints
+    """(M,) `MOMENTS` of the frames ..."""
+    qpos: Floats
+    """... and (M, nq) their limbs, each frame solved by itself."""
+
+
+def foreseen(ik: BalancedIk, start: Start, ends: Sequence[Steadiness]) -> Foreseen:
+    """Return what root, legs and a few moments tell of a playback."""
+    clip, plan, how = start.clip, start.plan, between(ends[0], ends[-1], start.tight)
+    margin = np.full(len(plan.targets), np.inf)
+    for _ in range(0 if how.static else FORESEEN):
+        alone = steps_alone(ik, plan)
+        point = tread(ik.robot, alone, clip.fps, QUICK, plan.planes).point
+        margin = _margins(plan, point)
+        clip, plan = _made_up(ik, clip, plan, alone, point, start.stretch, how)
+    inside = np.flatnonzero(plan.timeline.share >= 1)
+    frames = inside[np.linspace(0, len(inside) - 1, MOMENTS).astype(int)]
+    targets = targets_of(_tracks(ik, clip, plan))
+    moments = [
+        ik.solver.solve_frame(plan.targets[k], targets.at(k), iterations=12, tolerance=1e-4) for k in frames.tolist()
+    ]
+    return Foreseen(replace(start, clip=clip, plan=plan), margin, frames, np.array([pose.qpos for pose in moments]))
+
+
+def playbacks(ik: BalancedIk, start: Start, ends: Sequence[Steadiness], count: Count) -> Iterator[Balanced]:
+    """Yield playbacks, each with what the one before lacks, up to one that lacks nothing.
+
+    Where the least margin is below `MARGIN`, the conditions move from the first towards the last by as much as it lacks; at the last, the pace is slowed.
+    Where joints ask for more than their speed and torque, swings first take the slowest of `SWEEPS`.
 
     Args:
         ik: solves frames with soles at places and the centre of mass over points.
-        clip: T frames of the draft and their planted feet.
-        conditions: on the centre of mass, the most human-like first.
+        start: the plan and its pace.
+        ends: as in `begun`.
         count: receives the progress.
-        slowest: largest duration over the human's [-].
-
-    Raises:
-        BalanceError: it needs more than `slowest` times the human's time, or more than it has with a `sweep` other than the slowest.
     """
-    how, *tighter = conditions
-    # In dynamic balance, momentum carries the weight over.
-    chosen = Pacing() if how.static else Pacing(swing=swing_time(ik, clip.sweep), transfer=0.0)
-    clip = replace(clip, swing=chosen.swing)
-    stretch, plan = _with_time_for_weight(ik, clip, how, chosen, slowest, count)
-    if tighter and stretch.mean() > HURRIED:
-        how, *tighter = conditions[-1:]
-        stretch, plan = _with_time_for_weight(ik, clip, how, chosen, slowest, count)
-    found = played(ik, clip, plan, count)
-    before = -np.inf
-    for number in range(chosen.rounds + 2 * len(tighter)):
+    clip, pacing, stretch, plan, tight = start.clip, start.pacing, start.stretch, start.plan, start.tight
+    how = between(ends[0], ends[-1], tight)
+    for number in range(pacing.rounds):
+        found = played(ik, clip, plan, count)
+        yield found
         loads = joint_torques(ik.robot, found.qpos, clip.fps, ik.soles, QUICK, clip.ground)
-        inside = found.margin / [p.margin(p.middle) for p in plan.supports]
-        needs = motion_needs(ik.robot, found.qpos, loads, inside, found.friction, clip.fps, chosen, how.edge)
-        margin = float(found.margin.min())
-        holds, rises = margin >= MARGIN * ik.leg, margin > before + chosen.excess
-        enough, before = holds and needs.max() <= chosen.slack, margin
-        if (enough and (how.static or number)) or stretch.mean() >= chosen.slowest - 1e-3:
-            break
-        if number and not holds and tighter:
-            how, before = (how, before) if rises else (tighter.pop(0), -np.inf)
-        elif number and clip.sweep < SWEEPS[-1]:
-            raise BalanceError("steps so quick need more time")
-        elif number:  # the second playback starts from a smooth motion and often needs no more time
-            stretch = stretched(stretch, plan.timeline, needs, chosen)
-            _require_pace(stretch, slowest)
-        clip = replace(clip, qpos=_on_clip(ik.robot, found, clip))
-        # Limbs shift the zero moment point: the second plan makes up for it (Kajita et al., preview control of the zero moment point, 2003).
-        plan = plan_playback(ik, clip, stretch, how, Drift(found.timeline, found.zmp - found.plan.pendulum))
-        found = played(ik, clip, plan, count, near=True)
-    return found
+        room, lack = np.array([p.margin(p.middle) for p in plan.supports]), MARGIN * ik.leg - float(found.margin.min())
+        last = how.static or tight >= 1
+        inside = found.margin / room if last else np.ones(len(room))
+        needs = motion_needs(ik.robot, found.qpos, loads, inside, found.friction, clip.fps, pacing, how.edge)
+        rushed = needs.max() > pacing.slack
+        if (lack <= 0 and not rushed) or stretch.mean() >= pacing.slowest - 1e-3:
+            return
+        if not number:  # the second playback often needs no more time, and its plan makes up for the limbs of the first
+            lack, rushed, last = lack / 2, False, False
+        if rushed and not how.static and clip.sweep < SWEEPS[-1]:
+            slower = begun(ik, replace(clip, sweep=SWEEPS[-1]), ends)
+            clip, pacing, stretch = slower.clip, slower.pacing, np.maximum(stretch, slower.stretch)
+        elif rushed or last:
+            stretch = stretched(stretch, plan.timeline, needs, pacing)
+        if lack > 0:
+            gain = (ends[0].keep - ends[-1].keep) * float(room.min())
+            tight = min(1.0, tight + (lack + pacing.excess) / max(gain, pacing.excess))
+            how = between(ends[0], ends[-1], tight)
+        clip, plan = _made_up(ik, clip, plan, found.qpos, found.zmp, stretch, how)
+
+
+def _made_up(
+    ik: BalancedIk, clip: PlaybackClip, plan: PlaybackPlan, qpos: Floats, zmp: Floats, stretch: Floats, how: Steadiness
+) -> tuple[PlaybackClip, PlaybackPlan]:
+    """Return the clip with the configurations (K, nq) of a playback, and the plan that makes up for how they shift the zero moment point (K, 2).
+
+    Kajita et al., Biped walking pattern generation by using preview control of zero-moment point, 2003.
+    """
+    clip = replace(clip, qpos=_on_clip(ik.robot, qpos, plan.timeline, clip))
+    return clip, plan_playback(ik, clip, stretch, how, Drift(plan.timeline, zmp - plan.zmp.pendulum))
 
 
 def swing_time(ik: BalancedIk, sweep: float = SWEEPS[-1]) -> float:
@@ -323,28 +390,21 @@ def _sweeps(clip: PlaybackClip, leg: float) -> Floats:
 
 
 def _with_time_for_weight(
-    ik: BalancedIk, clip: PlaybackClip, how: Steadiness, pacing: Pacing, slowest: float, count: Count
+    ik: BalancedIk, clip: PlaybackClip, how: Steadiness, pacing: Pacing, slowest: float
 ) -> tuple[Floats, PlaybackPlan]:
     """Return frame durations (T − 1,) that give every shift of weight its time, and the plan with them."""
     stretch = least_durations(clip.planted, clip.fps, pacing, None if how.static else _sweeps(clip, ik.leg))
     shifts = pacing.shifts
     while True:
-        _require_pace(stretch, slowest)
         plan = plan_playback(ik, clip, stretch, how)
         late = plan.zmp.excess > pacing.excess
-        if not (shifts and late.any()) or stretch.mean() >= pacing.slowest - 1e-3:
+        if not (shifts and late.any()) or stretch.mean() >= min(pacing.slowest - 1e-3, slowest):
             return stretch, plan
         stretch = stretched(stretch, plan.timeline, shift_needs(late, plan.timeline, pacing), pacing)
-        count.advance(len(plan.targets))
         shifts -= 1
 
 
-def _require_pace(stretch: Floats, slowest: float) -> None:
-    if stretch.mean() > slowest:
-        raise BalanceError(f"stepping would take over {slowest:g} times as long as the human")
-
-
-def played(ik: BalancedIk, clip: PlaybackClip, plan: PlaybackPlan, count: Count, near: bool = False) -> Balanced:
+def played(ik: BalancedIk, clip: PlaybackClip, plan: PlaybackPlan, count: Count) -> Balanced:
     """Return the configurations that follow a plan.
 
     Args:
@@ -352,39 +412,40 @@ def played(ik: BalancedIk, clip: PlaybackClip, plan: PlaybackPlan, count: Count,
         clip: T frames of the draft and their planted feet.
         plan: targets of K frames of the playback.
         count: receives the progress.
-        near: whether an earlier round solved the targets, so that they are good starts.
     """
-    timeline, robot = plan.timeline, ik.robot
-    playback = ik.playback(timeline.share[:, None], plan.places, timeline.planted)
-    tracks = ik.targets(clip.graph, timeline.at, plan.stands, playback, plan.zmp.centre)
+    timeline, tracks = plan.timeline, _tracks(ik, clip, plan)
     solver_clip = clip_of(ik.solver, tracks, Smoothing(), clip.fps)
-    count.expect(round(ROUNDS * len(plan.targets) * ((0 if near else IN_TURN) + Smoothing().passes)))
-    start = list(plan.targets) if near else _sequential_starts(ik, plan, solver_clip, count)
-    poses = Passes(solver_clip, np.array(start)).finish(count)
-    qpos = np.array([pose.qpos for pose in poses])
-    pressed = tread(robot, qpos, timeline.fps, QUICK, plan.planes)
-    margin = np.array([p.margin(x) for p, x in zip(plan.supports, pressed.point, strict=True)])
+    count.expect(round(ROUNDS * len(plan.targets) * Smoothing().passes))
+    poses = Passes(solver_clip, np.array(plan.targets)).finish(count)
+    pressed = tread(ik.robot, np.array([pose.qpos for pose in poses]), timeline.fps, QUICK, plan.planes)
     standing = [spots[down].reshape(-1, 3) for spots, down in zip(plan.places, timeline.planted, strict=True)]
     how, pushed = (plan.places, plan.zmp, plan.slowdown, plan.stride), pressed.friction(standing)
-    return Balanced(tuple(poses), tuple(tracks), timeline, *how, pressed.point, margin, pushed)
+    return Balanced(
+        tuple(poses),
+        tuple(tracks),
+        timeline,
+        *how,
+        pressed.point,
+        _margins(plan, pressed.point),
+        pushed,
+        sweep=clip.sweep,
+    )
 
 
-def _sequential_starts(ik: BalancedIk, plan: PlaybackPlan, clip: ClipProblem, count: Count) -> list[Floats]:
-    """Return (K, nq) starts of the passes: root and legs of each frame start from the correction of the frame before, arms and head from their target."""
-    robot, found, correction = ik.robot, [], np.zeros(ik.robot.model.nv)
-    carried = ~np.isin(np.arange(robot.model.nv), robot.dof_index) | ik.leg_dofs
-    for k, targets in enumerate(plan.targets):
-        start = integrate(robot, targets, np.where(carried, correction, 0.0))
-        pose = ik.solver.solve_frame(start, clip.all_targets.at(k), iterations=8, tolerance=1e-4)
-        correction = difference(robot, targets, pose.qpos)
-        found.append(pose.qpos)
-        count.advance(IN_TURN)
-    return found
+def _tracks(ik: BalancedIk, clip: PlaybackClip, plan: PlaybackPlan) -> list[Track]:
+    """Return the targets of a playback."""
+    playback = ik.playback(plan.timeline.share[:, None], plan.places, plan.timeline.planted)
+    return ik.targets(clip.graph, plan.timeline.at, plan.stands, playback, plan.zmp.centre)
 
 
-def _on_clip(robot: Robot, found: Balanced, clip: PlaybackClip) -> Floats:
-    """Return (T, nq) configurations of a playback at the clip's own frames."""
-    inside = np.flatnonzero(found.timeline.share >= 1)
-    inside = inside[np.unique(found.timeline.at[inside], return_index=True)[1]]
-    times = np.interp(np.arange(len(clip.qpos)), found.timeline.at[inside], inside / clip.fps)
-    return sample(Trajectory(found.qpos, clip.fps, robot.joint_names, robot.name), robot, times)
+def _margins(plan: PlaybackPlan, points: Floats) -> Floats:
+    """Return (K,) distances of points (K, 2) inside the supports of a plan [m]."""
+    return np.array([support.margin(point) for support, point in zip(plan.supports, points, strict=True)])
+
+
+def _on_clip(robot: Robot, qpos: Floats, timeline: Timeline, clip: PlaybackClip) -> Floats:
+    """Return (T, nq) configurations of a playback (K, nq) at the clip's own frames."""
+    inside = np.flatnonzero(timeline.share >= 1)
+    inside = inside[np.unique(timeline.at[inside], return_index=True)[1]]
+    times = np.interp(np.arange(len(clip.qpos)), timeline.at[inside], inside / clip.fps)
+    return sample(Trajectory(qpos, clip.fps, robot.joint_names, robot.name), robot, times)

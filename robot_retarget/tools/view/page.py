@@ -13,7 +13,7 @@ from robot_retarget.base.files import write_text
 from robot_retarget.base.pages import rendered
 from robot_retarget.collision import Warnings
 from robot_retarget.judge.report import Report
-from robot_retarget.judge.report_text import cured, facts, headline, judged_lines
+from robot_retarget.judge.report_text import attempted, cured, facts, headline, judged_lines
 from robot_retarget.scores.figure import shown
 from robot_retarget.tools.view import charts
 from robot_retarget.tools.view.film import AnimatedWebP
@@ -73,6 +73,7 @@ def save_page(
         viewer=viewer.name if viewer is not None and viewer.is_file() else None,
         charts=_charts(report, warnings),
         facts=[*facts(report.figures), *_foreseen(report.figures)],
+        attempts=attempted(report.figures),
         heads=[key.removesuffix(end).replace("_", " ") for key, end in heads.items()],
         joints=[(name, _values(own, heads)) for name, own in report.figures["joints"].items()],
     )
