@@ -33,6 +33,7 @@ from robot_retarget.judge.worlds import (
     WORLDS,
     Draw,
     drawn,
+    is_decided,
     judges,
     run_trials,
     trial_figures,
@@ -96,7 +97,8 @@ def simulate(
         thresholds: limits of a pass (`verdict.read_thresholds` reads them from TOML).
         warnings: of the trajectory (`collision.warnings_of`), by default those of the result; the report then says
             how they agree with the contacts that happened.
-        draws: in mode `free`, number of drawn simulations (`worlds.draws`) if the robot stays up in this one.
+        draws: in mode `free`, largest number of drawn simulations (`worlds.draws`) if the robot stays up in this one: half of them where none ends
+            in a fall (`worlds.is_decided`).
         feedback: judge goals together with the balance feedback of the robot's servo map. None does so in mode `free` if the
             map has a sensor and gains.
         backlash: play between every servo and its link, either way [rad]; goals and feedback have no information about it.
@@ -136,12 +138,12 @@ def simulate(
     count.advance()
     plain = roll_out(chosen.plant, played, how, playback) if compensate else chosen.rollout
     count.advance()
-    fallen = _fallen(plant, judged, playback, draws, count) if how == "free" and not chosen.fell else ()
+    asked, upright = thresholds or Thresholds(), how == "free" and not chosen.fell
+    fallen = _fallen(plant, judged, playback, draws, asked.fallen_share, count) if upright else ()
     if warnings is None and isinstance(trajectory, Result) and len(played) > 1:
         warnings = trajectory.warnings
     outcome = SimulatedTrajectory(judged, chosen.plant, how, replayed, chosen.rollout, plain, warnings, fallen)
     servos = trial_figures(trials, chosen) | ({} if policy is None else {"policy": policy.name})
-    asked = thresholds or Thresholds()
     if policy is not None and not policy.contract.follows_joints:
         asked = replace(asked, tracking_rms=np.inf)
     return build_report(outcome, fingerprint(judged), asked, servos)
@@ -187,15 +189,20 @@ def _closes(plant: Plant, mode: str, feedback: bool | None) -> bool:
 
 
 def _fallen(
-    plant: Plant, trajectory: Trajectory, playback: Playback | None, worlds: int, count: Count
+    plant: Plant, trajectory: Trajectory, playback: Playback | None, worlds: int, share: float, count: Count
 ) -> tuple[bool, ...]:
-    """Return whether the robot falls in each of `worlds` drawn simulations."""
+    """Return whether the robot falls in each of `worlds` drawn simulations, or in those that decide about the share (`worlds.is_decided`)."""
     command, draws, loose = trajectory.goals, drawn_worlds(worlds), plant
     if plant.drives is not None and not plant.places.play.size and crowded_body(plant.robot) is None:
         scene, objects = trajectory.scene, "free" if plant.bodies is not None and plant.bodies.free else "carried"
         loose = build_plant(plant.robot, "free", plant.drives, BACKLASH, scene, objects)
-    found = rollouts(loose, trajectory, draws, playback=playback, command=command, count=count)
-    return tuple(_fall(world, plant.robot, trajectory) is not None for world in found)
+    fallen, half = list[bool](), (worlds + 1) // 2
+    for part in (draws[:half], draws[half:]):
+        if not is_decided(fallen, worlds, share):
+            found = rollouts(loose, trajectory, part, playback=playback, command=command, count=count)
+            fallen += [_fall(world, plant.robot, trajectory) is not None for world in found]
+    count.advance(worlds - len(fallen))
+    return tuple(fallen)
 
 
 def _fall(rollout: Rollout, robot: Robot, trajectory: Trajectory) -> float | None:

@@ -1,6 +1,7 @@
 """Simulations that differ from the model: drawn worlds, and servos other than those for which the goals were computed."""
 
 import copy
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -19,7 +20,7 @@ from robot_retarget.trajectory import Trajectory
 # Randomised simulations: mass, friction, servo stiffness, delay, tilt and backlash differ from those of the model.
 
 WORLDS = 10
-"""Drawn simulations of a motion that stands free, by default: the fewest of which one is the 0.1 of `fallen_share`."""
+"""Drawn simulations of a motion that stands free at most, by default: the fewest of which one is the 0.1 of `fallen_share`."""
 BACKLASH = np.radians(0.25)
 """Of servos in drawn simulations, either way [rad], times a factor: .1–.4°; the data sheets of the XM430 and XL430 state 0.25°."""
 
@@ -78,6 +79,20 @@ def draws(count: int, seed: int = 0, spread: Spread | None = None) -> tuple[Draw
         Draw(*row, backlash=float(play), voltage=volts, floor=floor, seed=k)
         for k, (row, play, (volts, floor)) in enumerate(zip(rows, plays, more, strict=True))
     )
+
+
+def is_decided(fallen: Sequence[bool], worlds: int, share: float) -> bool:
+    """Return whether simulations so far settle if more than a share of `worlds` end in a fall.
+
+    They do once more than the share have fallen, and once half of the worlds are simulated without a fall. By the second rule a motion that falls in 0.3 of
+    all worlds passes ten draws in 23 instead of 15 % of the cases, and one that falls in 0.5 in 3.6 instead of 1.1 % (double sampling).
+
+    Args:
+        fallen: of the simulations so far.
+        worlds: number of simulations at most.
+        share: `Thresholds.fallen_share`.
+    """
+    return sum(fallen) > share * worlds or (2 * len(fallen) >= worlds and not any(fallen))
 
 
 def drawn(plant: Plant, draw: Draw, playback: Playback) -> tuple[Plant, Playback]:

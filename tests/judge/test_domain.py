@@ -1,12 +1,14 @@
 """Randomised simulations differ from the model in the drawn parameters only."""
 
+import itertools
+
 import numpy as np
 import pytest
 from made_trajectories import hold, swing
 
 from robot_retarget.judge.playback import Playback, roll_out
 from robot_retarget.judge.rollout import plant_of, rollouts
-from robot_retarget.judge.worlds import Draw, drawn, draws
+from robot_retarget.judge.worlds import Draw, drawn, draws, is_decided
 from robot_retarget.robot import load_robot
 
 OP3 = load_robot("op3")
@@ -94,3 +96,15 @@ def test_many_worlds_at_once_come_out_as_one_by_one_and_in_order():
     together = rollouts(FREE, STAND, worlds, threads=4)
     alone = [rollouts(FREE, STAND, [world], threads=1)[0] for world in worlds]
     assert all(np.array_equal(a.qpos, b.qpos) for a, b in zip(together, alone, strict=True))
+
+
+@pytest.mark.parametrize(("chance", "passes"), [(0.3, 0.229), (0.5, 0.036)])
+def test_draws_that_stop_early_pass_a_motion_as_often_as_stated_and_never_change_a_decided_verdict(chance, passes):
+    """Every sequence of ten falls and stands, by its probability."""
+    total = 0.0
+    for worlds in itertools.product((False, True), repeat=10):
+        seen = worlds if not is_decided(worlds[:5], 10, 0.1) else worlds[:5]
+        fails = sum(seen) > 0.1 * len(seen)
+        assert fails == (sum(worlds) > 1) or not any(worlds[:5])
+        total += 0.0 if fails else chance ** sum(worlds) * (1 - chance) ** (10 - sum(worlds))
+    assert total == pytest.approx(passes, abs=5e-4)

@@ -36,8 +36,15 @@ from robot_retarget.solver.balance.plan import (
     plan_centre,
     timeline_of,
 )
-from robot_retarget.solver.balance.playback import Pacing, begun, least_durations, motion_needs, stretched, swing_time
-from robot_retarget.solver.balance.steps import steps_alone
+from robot_retarget.solver.balance.playback import (
+    Pacing,
+    begun,
+    least_durations,
+    motion_needs,
+    steps_alone,
+    stretched,
+    swing_time,
+)
 from robot_retarget.solver.pipeline import Result
 
 LEVER = 0.25 / 9.81
