@@ -84,6 +84,7 @@ def build_plant(
         raise RobotError(f"{robot.path}: has {len(places.qpos)} coordinates now, {robot.model.nq} when it was loaded")
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     dofs = places.dofs[robot.dof_index]
+    _take_ranges(model, model.dof_jntid[dofs], robot)
     if drives is not None:
         set_mechanics(model, dofs, drives)
     if mode == "pinned":
@@ -104,6 +105,13 @@ def build_plant(
     if bodies is not None:
         bodies.touch(robot)
     return Plant(robot, model, servos, (*remarks, *_notes(robot, servos, added, floor)), drives, bodies)
+
+
+def _take_ranges(model: mujoco.MjModel, joints: Ints, robot: Robot) -> None:
+    """Give joints whose range was stated beyond that of the model (a limits file) the stated one."""
+    ranges = np.stack([robot.lower, robot.upper], axis=1)
+    beyond = ((ranges - model.jnt_range[joints]) * [-1, 1] > 1e-6).any(axis=1)
+    model.jnt_range[joints[beyond]] = ranges[beyond]
 
 
 def _strip(spec: mujoco.MjSpec, robot: Robot, keep: bool) -> set[int]:

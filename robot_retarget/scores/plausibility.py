@@ -99,7 +99,8 @@ def _bends(human: dict[str, Floats], own: dict[str, Floats]) -> Iterator[Plausib
             along = (actual * unit(wanted)).sum(axis=1) / np.maximum(bend, BENT)
             cause = (
                 f"Front and back, or left and right, of one of the two are likely taken wrong: `forward = [x, y, z]` in "
-                f'[robot], or `{side}_{joint} = "Joint"` in [human] of a map file (--map) mends it'
+                f'[robot], or `{side}_{joint} = "Joint"` in [human] of a map file (--map) mends it; where the other side bends rightly, a '
+                "[range] of --limits does: that of the model then bends this one the wrong way"
             )
             what = f"its {called} {joint} does not bend that way"
             yield PlausibilityCheck(what, bend > BENT, along < STRAIGHT[joint], cause)

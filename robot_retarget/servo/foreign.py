@@ -1,9 +1,12 @@
 """Servo maps out of other projects' configuration files: OP3.robot, lerobot, pypot, ToddlerBot."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from math import isfinite, nan, pi, radians
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from robot_retarget.actuators.control_tables import CENTRE, MODELS, model_named
 from robot_retarget.actuators.map import TICKS_PER_RADIAN, Servo, ServoMap
@@ -52,6 +55,16 @@ def read_foreign(path: str | Path, offsets: str | Path | None = None, model: str
     raise ServoError(f"{path}: neither OP3.robot nor a JSON file of lerobot, pypot or ToddlerBot")
 
 
+def by_servos(servo_map: ServoMap) -> ServoMap:
+    """Return a map whose joint angles are those of the servos: from their middles, in their own sense."""
+    turned = []
+    for servo in servo_map.servos:
+        ticks = servo.zero + servo.scale * np.array([servo.lower, servo.upper]) - servo.type.centre
+        low, high = sorted((ticks / abs(servo.scale)).tolist())
+        turned.append(replace(servo, sign=1, zero=servo.type.centre, lower=low, upper=high))
+    return replace(servo_map, servos=tuple(turned))
+
+
 def _op3(text: str, offsets: dict[str, float], name: str, model: str | None) -> ServoMap:
     """[ device info ]: type | port | id | model | protocol | joint | items. A joint's zero is 2048 + its offset."""
     servos, baud, section = [], 1_000_000, ""
@@ -89,7 +102,8 @@ def _lerobot(table: dict[str, Any], name: str, model: str | None) -> ServoMap:
 def _pypot(table: dict[str, Any], name: str, model: str | None) -> ServoMap:
     """Degrees; `indirect` turns the sense round, `offset` is the joint's angle away from the servo's middle.
 
-    `angle_limit` is written to the servo as it stands: it limits the angle from the servo's middle, in its own sense.
+    `angle_limit` is written to the servo as it stands: it limits the angle from the servo's middle, in its own sense. The joints of
+    Poppy's URDF are in these coordinates: all 25 of its ranges are the limits of `poppy_humanoid.json`.
     """
     servos = []
     for joint, entry in table["motors"].items():

@@ -1,12 +1,17 @@
 """Each number of the verdict holds on both sides of its limit. The limits stand here once more, from docs/simulation.md."""
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from robot_retarget.judge.rollout import simulate
 from robot_retarget.judge.verdict import Thresholds, at_edge, badge_of, cures, judge, near_limits
+from robot_retarget.robot import load_robot
 from robot_retarget.scores.likeness import unlikeness
+from robot_retarget.trajectory import Trajectory
 
 CALM: dict[str, Any] = {
     "mode": "free", "unstable_s": None, "fall_s": None, "fall_body": None, "self_contacts": [], "tracked_self_contacts": [],
@@ -89,3 +94,14 @@ def test_a_figure_within_a_tenth_of_its_limit_says_so(share: float, told: bool) 
 
 def test_a_fall_has_no_slip_and_no_drawn_worlds_to_judge() -> None:
     assert len(judged(fall_s=1.0, fall_body="hand", foot_slip_m=1.0, fallen_share=1.0)) == 1
+
+
+def test_a_joint_is_simulated_in_the_range_that_a_limits_file_states(tmp_path: Path) -> None:
+    link = '<body><joint name="j" axis="0 1 0" range="-1 0"/><geom type="capsule" size=".02 .1" mass=".1"/></body>'
+    model = f'<mujoco><compiler angle="radian"/><worldbody>{link}</worldbody></mujoco>'
+    (tmp_path / "arm.xml").write_text(model)
+    (tmp_path / "limits.toml").write_text("[range]\nj = [0.0, 1.0]\n")
+    robot = load_robot(tmp_path / "arm.xml")
+    held = Trajectory(np.full((30, 1), 0.5), 30.0, robot.joint_names, robot.name)
+    report = simulate(held, robot, mode="pinned", others=False)
+    assert np.abs(report.series["measured"] - 0.5).max() < 0.05

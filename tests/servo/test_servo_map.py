@@ -8,11 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from emulated import ARM
+from forked import run
 from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_retarget.actuators.map import Servo, ServoMap, dump_map, load_map, shipped_maps
 from robot_retarget.base.errors import ServoError
+from robot_retarget.robot import load_robot
 from robot_retarget.servo.foreign import read_foreign
 from robot_retarget.servo.plan import plain_plan
 from robot_retarget.trajectory import Trajectory
@@ -197,6 +199,38 @@ def test_a_pypot_configuration_becomes_a_map(tmp_path: Path) -> None:
     (servo,) = read_foreign(path).servos
     assert (servo.id, servo.sign, servo.zero, servo.model) == (11, -1, 1024, "XM430-W350")
     assert (servo.lower, servo.upper) == pytest.approx((-118 * pi / 180, -60 * pi / 180)), "limits of the servo itself"
+
+
+def test_an_imported_map_takes_the_signs_and_zeros_that_fit_the_model_and_others_are_named(tmp_path: Path) -> None:
+    """The joints of Poppy's URDF turn as their servos do; pypot's angles have orientations and offsets of their own."""
+    motors = {
+        name: {"id": k, "type": "MX-28", "orientation": sense, "offset": offset, "angle_limit": limits}
+        for k, (name, sense, offset, limits) in enumerate(
+            [
+                ("r_knee", "indirect", 0.0, [-134, 4]),
+                ("l_knee", "direct", 0.0, [-4, 134]),
+                ("arm", "direct", 90.0, [-120, 155]),
+            ]
+        )
+    }
+    (tmp_path / "a.json").write_text(json.dumps({"controllers": {}, "motorgroups": {}, "motors": motors}))
+    bodies = "".join(
+        f'<body pos="0 {m["id"]} 1"><joint name="{name}" axis="0 1 0" range="{m["angle_limit"][0]} {m["angle_limit"][1]}"/>'
+        '<geom size=".05"/></body>'
+        for name, m in motors.items()
+    )
+    (tmp_path / "a.xml").write_text(f"<mujoco><worldbody>{bodies}</worldbody></mujoco>")
+    done = run("servos", "import", tmp_path / "a.json", "--robot", tmp_path / "a.xml", "-o", tmp_path / "a.toml")
+    assert done.returncode == 0, done.stderr
+    found = load_map(tmp_path / "a.toml")
+    assert [(s.sign, s.zero) for s in found.servos] == [(1, 2048)] * 3
+    assert np.degrees(found["r_knee"].lower) == pytest.approx(-134) and np.degrees(found["arm"].upper) == pytest.approx(
+        155
+    )
+    assert not any("servo map" in note for note in load_robot(tmp_path / "a.xml", servos=tmp_path / "a.toml").notes)
+    (tmp_path / "b.toml").write_text(dump_map(read_foreign(tmp_path / "a.json")))
+    (note,) = (n for n in load_robot(tmp_path / "a.xml", servos=tmp_path / "b.toml").notes if "servo map" in n)
+    assert "r_knee by -134 … 4° and by -4 … 134°" in note and "l_knee" not in note
 
 
 def test_a_toddlerbot_configuration_becomes_a_map_of_motors_that_turn_their_own_joints(tmp_path: Path) -> None:

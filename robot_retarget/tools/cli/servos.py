@@ -410,13 +410,28 @@ def import_map(
     file: Annotated[Path, typer.Argument(help="OP3.robot, lerobot or pypot JSON, ToddlerBot config.json.")],
     offsets: Annotated[Path | None, typer.Option(help="offset.yaml next to an OP3.robot.")] = None,
     model: Annotated[str | None, typer.Option(help="Servo model where the file names none.")] = None,
+    robot: Annotated[
+        str | None,
+        typer.Option("--robot", "-r", help="The robot's model: signs and zeros are taken that fit its ranges."),
+    ] = None,
 ) -> None:
     """Make a servo map from another project's configuration."""
     from robot_retarget.actuators.map import dump_map
     from robot_retarget.base.files import write_text
-    from robot_retarget.servo.foreign import read_foreign
+    from robot_retarget.servo.foreign import by_servos, read_foreign
 
     servo_map = read_foreign(file, offsets, model)
+    if robot is not None:
+        body = opt.load(robot)
+        ends = {joint: each for joint, *each in zip(body.joint_names, body.lower, body.upper, strict=True)}
+        servo_map = min(
+            (servo_map, by_servos(servo_map)),
+            key=lambda found: sum(
+                abs(s.lower - ends[s.joint][0]) + abs(s.upper - ends[s.joint][1])
+                for s in found.servos
+                if s.joint in ends
+            ),
+        )
     write_text(to.output, dump_map(servo_map))
     cut, count = [servo.joint for servo in servo_map.servos if servo.range_exceeds_turn], len(servo_map.servos)
     sentence = f"wrote {to.output}: {count} servos; look over signs, zeros and ranges before playing"
