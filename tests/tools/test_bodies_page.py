@@ -9,8 +9,7 @@ from browser import needs_browser, tab
 from robot_retarget.robot import load_robot
 from robot_retarget.scene.scene import RigidBody, Scene
 from robot_retarget.scene.shape import ShapeKind, solid
-from robot_retarget.tools.view.web.live import LiveRobot
-from robot_retarget.tools.view.web.serve import serve
+from robot_retarget.tools.view.web.live import LiveRobot, serve_live
 from robot_retarget.tools.view.web.take import Viewer, take_of
 from robot_retarget.trajectory import Trajectory
 
@@ -43,7 +42,7 @@ def test_bodies_of_a_stream_are_where_its_pose_has_them_and_have_their_size() ->
     box = RigidBody("a box", solid(ShapeKind.BOX, (0.2, 0.2, 0.2)), np.array([0.5, 0, 0.1, 1.0, 0, 0, 0]))
     floor = RigidBody("ground", solid(ShapeKind.PLANE, ()), np.array([0, 0, 0, 1.0, 0, 0, 0]))
     live = LiveRobot(OP3, Scene((floor, box)))
-    served = serve(live.viewer, 0, following=live)
+    served = serve_live(live, 0)
     thread = Thread(target=served.forever, daemon=True)
     thread.start()
     there = np.array([0.2, 0.05, 0.3, 0.8, 0.6, 0, 0])
@@ -60,5 +59,5 @@ def test_bodies_of_a_stream_are_where_its_pose_has_them_and_have_their_size() ->
             assert opened.run(f"return [{mesh}.scale.x, {mesh}.visible]") == [0.25, True]
             assert not opened.complaints()
     finally:
-        served.server.shutdown()
+        served.close()
         thread.join(5)

@@ -19,8 +19,7 @@ from robot_retarget.live.frame import Fault, FaultCounter
 from robot_retarget.live.loop import Loop
 from robot_retarget.live.sources import Replay
 from robot_retarget.robot import load_robot
-from robot_retarget.tools.view.web.live import LiveRobot, PageSink
-from robot_retarget.tools.view.web.serve import serve
+from robot_retarget.tools.view.web.live import LiveRobot, PageSink, serve_live
 from robot_retarget.trajectory import load_trajectory
 
 
@@ -39,7 +38,7 @@ def test_only_the_latest_pose_is_sent() -> None:
 @needs_browser
 def test_the_robot_on_the_page_stands_where_the_latest_pose_has_it() -> None:
     live = LiveRobot(robot := load_robot("op3"))
-    served = serve(live.viewer, 0, following=live)
+    served = serve_live(live, 0)
     thread = threading.Thread(target=served.forever, daemon=True)
     thread.start()
     try:
@@ -58,7 +57,7 @@ def test_the_robot_on_the_page_stands_where_the_latest_pose_has_it() -> None:
             assert (np.abs(after - before).max(axis=2) > 20).mean() > 0.01
             assert not browser.complaints()
     finally:
-        served.server.shutdown()
+        served.close()
         thread.join(5)
 
 
@@ -97,7 +96,7 @@ def test_a_page_shows_state_address_rate_faults_and_performer_and_records_a_take
             assert not browser.complaints()
     finally:
         loop.stop.set()
-        sink.served.server.shutdown()
+        sink.served.close()
     take = load_trajectory(tmp_path / "take_1.npz")
     assert take.robot == robot.name and len(take) > 2 and 5 < take.fps < 240
     assert np.ptp(take.qpos[:, robot.qpos_index], axis=0).max() > 0.001

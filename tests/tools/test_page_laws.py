@@ -13,8 +13,7 @@ from long_pages import MESSAGE, batch_page, long_robot, long_viewer, report_page
 from shared_files import ROOT
 
 from robot_retarget.robot import Robot, load_robot
-from robot_retarget.tools.view.web.live import LiveRobot
-from robot_retarget.tools.view.web.serve import serve
+from robot_retarget.tools.view.web.live import LiveRobot, serve_live
 
 pytestmark = needs_browser
 WIDTHS = 390, 1280
@@ -45,7 +44,7 @@ def pages(robot: Robot, tmp_path_factory: pytest.TempPathFactory) -> Iterator[di
     """The address of each page."""
     folder = tmp_path_factory.mktemp("pages")
     live = LiveRobot(load_robot("op3"), facts=lambda: FACTS)
-    served = serve(live.viewer, 0, following=live)
+    served = serve_live(live, 0)
     thread = threading.Thread(target=served.forever, daemon=True)
     thread.start()
     viewer = long_viewer(robot).save(folder / "viewer.html")
@@ -57,7 +56,7 @@ def pages(robot: Robot, tmp_path_factory: pytest.TempPathFactory) -> Iterator[di
         "gallery": (ROOT / "docs/demo/index.html").as_uri(),
         "demo": (ROOT / "docs/demo/walk.html").as_uri(),
     }
-    served.server.shutdown()
+    served.close()
     thread.join(5)
 
 

@@ -15,7 +15,7 @@ from robot_retarget.edit.touchup import Session, graph_of
 from robot_retarget.human.read import read_motion
 from robot_retarget.judge.rollout import simulate
 from robot_retarget.robot import load_robot
-from robot_retarget.tools.view.web.serve import serve
+from robot_retarget.tools.view.web.editor import serve_viewer
 from robot_retarget.tools.view.web.take import Viewer, take_of
 from robot_retarget.trajectory import load_trajectory
 
@@ -53,13 +53,13 @@ def opened(folder: Path) -> Iterator[Tab]:
     trajectory = load_trajectory(folder / "wave.npz")
     take = take_of(trajectory, robot, motion, report=simulate(trajectory, robot, mode="pinned"))
     session = Session(graph_of(motion, robot, trajectory), trajectory, folder / "EDITS.toml", folder / "EDITS.npz")
-    served = serve(Viewer((take,)), 0, session, judge=partial(simulate, robot=robot, mode="pinned"))
+    served = serve_viewer(Viewer((take,)), 0, session, partial(simulate, robot=robot, mode="pinned"))
     thread = threading.Thread(target=served.forever, daemon=True)
     thread.start()
     with tab() as browser:
         browser.open(served.address)
         yield browser
-    served.server.shutdown()
+    served.close()
     thread.join()
 
 

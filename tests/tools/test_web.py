@@ -20,7 +20,7 @@ from robot_retarget.judge.rollout import simulate
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.robot.timing import resample
-from robot_retarget.tools.view.web.serve import serve
+from robot_retarget.tools.view.web.editor import serve_viewer
 from robot_retarget.tools.view.web.shapes import shapes_of
 from robot_retarget.tools.view.web.show import Packer, take_header
 from robot_retarget.tools.view.web.take import Take, Viewer, file_names, human_of, take_of, view
@@ -61,12 +61,12 @@ def opened(viewer: Viewer, page: Path) -> Iterator[Tab]:
             browser.open(page.as_uri())
             yield browser
             return
-        served = serve(viewer, 0)
+        served = serve_viewer(viewer, 0)
         thread = threading.Thread(target=served.forever, daemon=True)
         thread.start()
         browser.open(served.address)
         yield browser
-        served.server.shutdown()
+        served.close()
         thread.join()
 
 

@@ -71,7 +71,7 @@ def view(viewed: ViewOptions, drawn: DrawOptions, served: ServeOptions, printing
     from functools import partial
 
     from robot_retarget.base.files import require_writable
-    from robot_retarget.tools.view.web.serve import serve
+    from robot_retarget.tools.view.web.editor import serve_viewer
     from robot_retarget.tools.view.web.take import Viewer
 
     for path in drawn.files:
@@ -90,8 +90,8 @@ def view(viewed: ViewOptions, drawn: DrawOptions, served: ServeOptions, printing
         editor = None if clip is None else _editor(takes[0], clip, viewed.map_file, served.edits)
         report = takes[0].report
         mode = viewed.simulated or ("auto" if report is None else report.figures["mode"])
-        page = serve(Viewer(takes), served.port, editor, judge=partial(rr.simulate, robot=takes[0].robot, mode=mode))
-        _answer(page, served.browser, printing)
+        page = serve_viewer(Viewer(takes), served.port, editor, partial(rr.simulate, robot=takes[0].robot, mode=mode))
+        show_page(page, served.browser, printing)
 
 
 def _takes(viewed: ViewOptions, clip: "rr.Motion | None") -> "tuple[Take, ...]":
@@ -146,7 +146,8 @@ def _editor(take: "Take", motion: "rr.Motion", map_file: Path | None, edits: Pat
     return Session(graph, take.trajectory, edits, edits.with_suffix(".npz"))
 
 
-def _answer(served: "Server", browser: bool, printing: opt.PrintOptions) -> None:
+def show_page(served: "Server", browser: bool, printing: opt.PrintOptions) -> None:
+    """Say where a page is served, open it in a browser, and serve it until Ctrl-C."""
     import os
     import sys
     import webbrowser

@@ -2,7 +2,7 @@
 
 import json
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import suppress
 from itertools import count
 from pathlib import Path
@@ -11,6 +11,10 @@ from time import monotonic, perf_counter
 from typing import Any
 
 import numpy as np
+from anyio.to_thread import run_sync
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response, StreamingResponse
+from starlette.routing import BaseRoute, Route
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import OutputError, UsageError
@@ -21,7 +25,7 @@ from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import sample
 from robot_retarget.scene.scene import Scene
 from robot_retarget.tools.view.staging import FLESH, height_of
-from robot_retarget.tools.view.web.serve import PORT, Served, serve
+from robot_retarget.tools.view.web.serve import PORT, Served, message_of, serve
 from robot_retarget.tools.view.web.shapes import shapes_of, shapes_of_scene
 from robot_retarget.tools.view.web.show import SCALAR_LAST, poses, seen
 from robot_retarget.tools.view.web.take import Take, Viewer
@@ -178,6 +182,42 @@ class LiveRobot:
         return self.record() if self._take is not None and self._take.length else {}
 
 
+STATE = 0.5
+"""Interval of the state of a stream [s]."""
+
+
+def live_routes(following: LiveRobot) -> list[BaseRoute]:
+    """Return the routes of poses, as server-sent events until the page is closed, and of recorded takes."""
+
+    async def events() -> AsyncIterator[bytes]:
+        count, said = 0, float("-inf")
+        while True:
+            count, pose = await run_sync(following.next, count, STATE) or (count, b"")
+            if pose:
+                yield b"data: " + pose + b"\n\n"
+            if monotonic() - said >= STATE:
+                said = monotonic()
+                yield b"event: state\ndata: " + json.dumps(following.state()).encode() + b"\n\n"
+
+    async def live(request: Request) -> Response:
+        return StreamingResponse(events(), media_type="text/event-stream")
+
+    async def record(request: Request) -> Response:
+        await message_of(request)
+        return JSONResponse(await run_sync(following.record))
+
+    return [Route("/live", live), Route("/record", record, methods=["POST"])]
+
+
+def serve_live(following: LiveRobot, port: int = PORT) -> Served:
+    """Open a port for a page that follows live poses; `forever` answers.
+
+    Raises:
+        UsageError: the port is taken, or may not be used.
+    """
+    return serve(lambda nonce: following.viewer.page_with("live", nonce), live_routes(following), port)
+
+
 class PageSink:
     """A page that follows a stream; `served` says where.
 
@@ -191,7 +231,7 @@ class PageSink:
         self._loop: Loop | None = None
         self._source, self._height, self._frames = source, height_of(robot), deque[float](maxlen=RECENT)
         self._performer: tuple[Any, float] | None = None
-        self.served: Served = serve(self._robot.viewer, port, following=self._robot)
+        self.served: Served = serve_live(self._robot, port)
 
     def follow(self, loop: Loop) -> None:
         """Show the performer of a loop too, and its state."""
@@ -199,7 +239,7 @@ class PageSink:
 
     def close(self) -> dict[str, Any]:
         """End a take that is being recorded, and the page; return where the take is, as `LiveRobot.record` does."""
-        self.served.server.shutdown()
+        self.served.close()
         return self._robot.end()
 
     def show(self, pose: LivePose) -> None:

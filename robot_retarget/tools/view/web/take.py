@@ -154,16 +154,21 @@ class Viewer:
         """The HTML."""
         return self.page_with()
 
-    def page_with(self, touchable: bool = False, live: bool = False) -> str:
-        """The HTML, with the controls for touch-ups or live poses if a server answers."""
+    def page_with(self, kind: str = "viewer", nonce: str = "") -> str:
+        """The HTML.
+
+        Args:
+            kind: `viewer`, or where a server answers `touch` (touch-ups), `live` (poses of a stream) or `studio`.
+            nonce: of its scripts, as the server's policy names it.
+        """
         return rendered(
             ASSETS / "page.html",
             title=" · ".join(take.title for take in self.takes),
             style=_asset("vendor.css") + _asset("style.css"),
             modules=json.dumps({"imports": {f"#{path.stem}": _module(path) for path in sorted(ASSETS.glob("*.js"))}}),
             licences=_asset("vendor.LICENCES.txt").replace("--", "–"),
-            touchable=touchable,
-            live=live,
+            kind=kind,
+            nonce=nonce,
             data=base64.b64encode(self.data).decode("ascii"),
         )
 

@@ -160,9 +160,9 @@ function replaced(k, take) {
   pose();
 }
 
-const touch = document.body.dataset.touchable === "yes" ? new Touch({ stage, player, panel, casts, replaced }) : null;
+const touch = document.body.classList.contains("touch") ? new Touch({ stage, player, panel, casts, replaced }) : null;
 
-const live = document.body.dataset.live === "yes" ? new Live(casts[0], () => player.seek(0)) : null;
+const live = document.body.classList.contains("live") ? new Live(casts[0], () => player.seek(0)) : null;
 
 window.viewer = { stage, player, panel, casts, charts, takes, touch, live, exported, heading };
 document.documentElement.dataset.ready = "yes";

@@ -9,7 +9,7 @@ const KEYS = [
   ["[ ]", "slower, faster"], ["L", "loop"], ["H", "human beside, over, off"], ["1 … 9", "layers"], ["F", "camera goes along"],
   ["R", "camera back"], ["P", "picture (PNG)"], ["?", "these keys"],
 ];
-if (document.body.dataset.touchable === "yes") KEYS.push(["T", "touch up"]);
+if (document.body.classList.contains("touch")) KEYS.push(["T", "touch up"]);
 const STANDS = ["beside", "over", "off"];
 
 function element(kind, attributes = {}, ...children) {
