@@ -15,7 +15,7 @@ from robot_retarget import __version__
 from robot_retarget.tools.cli import console
 from robot_retarget.tools.cli.command import app, ending
 
-GROUPS = "info solve run view edit judge batch formats play stream servos"
+GROUPS = "studio info solve run view edit judge batch formats play stream servos"
 
 for group in GROUPS.split():
     import_module(f"{__name__}.{group}")

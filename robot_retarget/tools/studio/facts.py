@@ -1,0 +1,109 @@
+"""What the page says of a project beside its picture: keypoints, choices, marks, verdict, formats and commands."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from robot_retarget.base.arrays import intervals
+from robot_retarget.base.keypoints import KEYPOINTS
+from robot_retarget.formats import FORMATS
+from robot_retarget.human.match import match
+from robot_retarget.judge.report import Report
+from robot_retarget.judge.report_text import cured, headline
+from robot_retarget.tools.summary import sureness
+from robot_retarget.tools.view.web.take import Take
+
+if TYPE_CHECKING:
+    from robot_retarget.tools.studio.project import Project
+
+AT_END = 0.99
+"""A joint beyond this share of the way from the middle of its range to an end is at its limit [-]: by definition a hundredth is left."""
+MOST = 40
+"""Marks of a kind on the timeline [-]: more than that are no places to go to."""
+
+
+def facts_of(project: "Project", take: Take) -> dict[str, Any]:
+    """Return everything that the page says of a project; as JSON."""
+    from robot_retarget.tools.studio.project import ALLOWED
+
+    report = None if take.stale else take.report
+    return {
+        "keypoints": _keypoints(project),
+        "joints": list(project.motion.skeleton.names) if project.motion else [],
+        "bodies": [take.robot.model.body(k).name for k in range(1, take.robot.model.nbody)],
+        "choices": project.choices,
+        "allowed": ALLOWED,
+        "kinds": _kinds(project),
+        "marks": marks_of(project, take) if project.editor else [],
+        "notes": list(project.result.notes if project.result else project.motion.notes if project.motion else ()),
+        "verdict": _verdict(report) if report else None,
+        "formats": {name: f"{kind.description}; for {kind.readers}" for name, kind in FORMATS.items()},
+        "commands": project.commands(),
+    }
+
+
+def _keypoints(project: "Project") -> list[dict[str, str]]:
+    """Return each keypoint with the joint of the human and the body of the robot that it is, and how sure that is."""
+    motion, robot = project.motion, project.robot
+    if motion is None or robot is None:
+        return []
+    found, names = match(motion, robot, project.map_file), motion.skeleton.names
+    rows = []
+    for keypoint in KEYPOINTS:
+        mark, site = found.recognition.marks.get(keypoint), found.anatomy.sites.get(keypoint)
+        rows.append(
+            {
+                "name": keypoint,
+                "human": " + ".join(names[j] for j in mark.joints) if mark else "",
+                "human_sure": sureness(mark.confidence) if mark else "missing",
+                "robot": robot.model.body(site.body).name if site else "",
+                "robot_sure": sureness(site.confidence) if site else "missing",
+            }
+        )
+    return rows
+
+
+def _kinds(project: "Project") -> list[dict[str, Any]]:
+    """Return the kinds of edges and whether each is on."""
+    solved = [] if project.result is None else list(project.result.graph.kinds)
+    return [{"name": kind, "on": kind not in project.dropped} for kind in sorted({*solved, *project.dropped})]
+
+
+def marks_of(project: "Project", take: Take) -> list[dict[str, Any]]:
+    """Return where the result is bad: kind, first and last time [s], and a sentence; worst kinds first."""
+    trajectory, robot, fps = take.trajectory, take.robot, take.trajectory.fps
+    found = list[tuple[str, int, int, str]]()
+    if take.solution is not None:
+        found += [("edge missed", min(e.frames), max(e.frames), e.sentence) for e in take.solution.unmet[:MOST]]
+        found += [
+            ("jump", frame, frame, f"{joint} turns by {np.degrees(step):+.0f}° in a frame")
+            for joint, frame, step in take.solution.jumps()[:MOST]
+        ]
+        found += [
+            ("costly edge", e.frame, e.frame, f"{e.name}: {100 * e.measured:.1f} cm, target {100 * e.target:.1f} cm")
+            for e in take.solution.costliest(3)
+        ]
+    middle, half = (robot.lower + robot.upper) / 2, np.maximum((robot.upper - robot.lower) / 2, 1e-9)
+    at_end = np.abs(trajectory.angles - middle) > AT_END * half
+    spans = [(robot.joint_names[k], *span) for k in range(at_end.shape[1]) for span in intervals(at_end[:, k])]
+    spans.sort(key=lambda span: span[1] - span[2])
+    found += [
+        ("joint limit", first, stop - 1, f"{name} is at the end of its range") for name, first, stop in spans[:MOST]
+    ]
+    for event in take.warnings.events if take.warnings else ():
+        if event.contact is not None:
+            found.append(("contact", event.contact, event.last, f"{' and '.join(event.pair)} touch"))
+    return [
+        {"kind": kind, "from": round(first / fps, 3), "to": round(last / fps, 3), "said": said}
+        for kind, first, last, said in found
+    ]
+
+
+def _verdict(report: Report) -> dict[str, Any]:
+    from robot_retarget.tools.studio.project import choices_in
+
+    cures = [
+        {"reasons": reasons, "what": what, "command": command, "sets": choices_in(command) if command else {}}
+        for reasons, what, command in cured(report)
+    ]
+    return {"badge": report.badge.contract(), "headline": headline(report), "cures": cures}

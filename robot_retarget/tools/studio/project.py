@@ -1,0 +1,439 @@
+"""A clip on a robot, from the file to what is taken away. Every step is the function that the shell calls, with the same arguments."""
+
+import shlex
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from shutil import make_archive
+from tempfile import TemporaryDirectory, mkdtemp
+from threading import Lock
+from time import monotonic
+from typing import Any, get_args
+
+import numpy as np
+
+import robot_retarget as rr
+from robot_retarget.base.choices import Balance, Legs, Preset
+from robot_retarget.base.errors import RobotRetargetError, UsageError, known
+from robot_retarget.base.untrusted.documents import NAMES
+from robot_retarget.collision import warnings_of
+from robot_retarget.edit.cuts import trimmed
+from robot_retarget.edit.touchup import Session, graph_of
+from robot_retarget.formats import FORMATS
+from robot_retarget.graph.edits import Edit, edited, write_edits
+from robot_retarget.judge.cures import PROGRAM, Origin
+from robot_retarget.judge.rollout import mode_of
+from robot_retarget.tools.cli.run import save_judged
+from robot_retarget.tools.studio.facts import facts_of
+from robot_retarget.tools.view.web.editor import TakeEditor
+from robot_retarget.tools.view.web.take import Take, Viewer, human_of, take_of
+from robot_retarget.trajectory import Trajectory
+
+ALLOWED: dict[str, tuple[str, ...]] = {
+    "balance": get_args(Balance),
+    "legs": get_args(Legs),
+    "favour": get_args(Preset),
+    "speed": ("1", "0.8", "0.6"),
+    "fps": ("",),
+    "trim": ("",),
+    "feedback": ("", "off"),
+    "objects": ("carried", "free"),
+}
+"""Choices of a project and the values that the page offers, the default first; cures set others of `speed`, `fps` and `trim`."""
+FREE = {"speed", "fps", "trim"}
+"""Choices of any number, or of two with a colon."""
+FLAGS = {"--no-feedback": ("feedback", "off")}
+"""Options of a cure without a value, as choices."""
+
+
+class StoppedError(RobotRetargetError):
+    """A step that its user stopped."""
+
+
+@dataclass
+class Work:
+    """What is computed for a project, from its turn to its end."""
+
+    state: str = "waiting"
+    """`waiting`, `solving`, `solved`, `judging`, `judged`, `stopped` or `failed`."""
+    share: float = 0.0
+    began: float = 0.0
+    stop: bool = False
+    error: str = ""
+
+    @property
+    def busy(self) -> bool:
+        """Whether something is computed."""
+        return self.state in ("waiting", "solving", "judging")
+
+    def left(self) -> float | None:
+        """Return the time that is left [s], from the share that is done; None while that is little."""
+        passed = monotonic() - self.began
+        return round(passed * (1 / self.share - 1), 1) if self.share > 0.05 else None
+
+
+class Project:
+    """A clip on a robot.
+
+    Args:
+        key: its name, in the page and in the folder.
+        motion_file: the clip.
+        model: the robot as `load_robot` takes it.
+        changed: is called after every change that the page shows.
+    """
+
+    def __init__(self, key: str, motion_file: Path, model: str, changed: Callable[[], None]) -> None:
+        self.key, self.motion_file, self.model, self._changed = key, motion_file, model, changed
+        self.place: Path = motion_file.parent / Path(model).stem
+        self.choices: dict[str, str] = {name: values[0] for name, values in ALLOWED.items()}
+        self.dropped: list[str] = []
+        """Kinds of edges that are off."""
+        self.work: Work = Work()
+        self.version: int = 0
+        """Number of the picture."""
+        self.editor: TakeEditor | None = None
+        self.result: rr.Result | None = None
+        self.motion: rr.Motion | None = None
+        self.robot: rr.Robot | None = None
+        self._lock = Lock()
+
+    # Files of the project.
+
+    @property
+    def trajectory_file(self) -> Path:
+        """Where the solved trajectory is."""
+        return self.place / "trajectory.npz"
+
+    @property
+    def map_file(self) -> Path | None:
+        """The map of keypoints, if there is one."""
+        return self._existing("map.toml")
+
+    @property
+    def edges_file(self) -> Path | None:
+        """The kinds of edges that are off, if there are any."""
+        return self._existing("edges.toml") if self.dropped else None
+
+    def _existing(self, name: str) -> Path | None:
+        return path if (path := self.place / name).exists() else None
+
+    # Steps. Each runs in a thread of its own and ends in a state.
+
+    def open(self, robot: rr.Robot, motion: rr.Motion) -> None:
+        """Show the human beside the standing robot.
+
+        Raises:
+            MatchError: the motion is not human, or the robot no humanoid.
+        """
+        self.robot, self.motion = robot, motion
+        found = rr.match(motion, robot, self.map_file)
+        self.waits()
+        self.editor, self.result = None, None
+        standing = np.repeat(robot.standing()[None], len(motion), axis=0)
+        self._show(self._take(standing, motion, human_of(found, motion)))
+
+    def _take(self, qpos: np.ndarray, motion: rr.Motion, human: Any) -> Take:
+        assert self.robot is not None
+        names = self.robot.joint_names, self.robot.name
+        return Take(self.robot, Trajectory(qpos, motion.fps, *names, source=motion.source), human)
+
+    def solve(self, work: Work) -> None:
+        """Solve the clip: a draft of the stream's solver first, then as `solve` (and `edit retime`, `edit cut`) do."""
+        robot, motion, choices = self.robot, self.motion, self.choices
+        if robot is None or motion is None:
+            raise UsageError("the clip is not read yet")
+        self._reach(work, "solving")
+        before = None if self.editor is None else self.editor.take.trajectory
+        self.editor, self.result = None, None
+        if before is None and self.map_file is None:
+            self._draft(work)
+        graph = rr.describe(
+            motion,
+            robot,
+            overrides=self.map_file,
+            preset=choices["favour"],  # pyright: ignore[reportArgumentType]
+            fps=float(choices["fps"]) if choices["fps"] else None,
+        )
+        graph = edited(graph, [Edit("drop", {"kind": kind}) for kind in self.dropped])
+        how: dict[str, Any] = {"balance": choices["balance"], "progress": self._progress(work)}
+        result = rr.solve(graph, legs=choices["legs"], **how)  # pyright: ignore[reportArgumentType]
+        trajectory, human = result.trajectory, human_of(result.match, result.motion)
+        if slower := choices["speed"] != "1":
+            trajectory = rr.sequence([trajectory], robot, speed=float(choices["speed"]), **how).trajectory
+        if choices["trim"]:
+            start, stop = choices["trim"].split(":")
+            trajectory = trimmed(trajectory, float(start), float(stop))
+        self._go_on(work)
+        self.place.mkdir(exist_ok=True)
+        trajectory.save(self.trajectory_file)
+        session = Session(
+            graph_of(motion, robot, trajectory, self.map_file),
+            trajectory,
+            self.place / "EDITS.toml",
+            self.place / "mended.npz",
+        )
+        if slower or choices["trim"]:
+            take = take_of(trajectory, robot, motion, overrides=self.map_file)
+        else:
+            warnings = result.warnings if len(trajectory) > 1 else None
+            take = Take(robot, trajectory, human, warnings, solution=result.solution)
+        alike = before is not None and len(before) == len(trajectory)
+        self.result = result
+        self.editor = TakeEditor(replace(take, before=before if alike else None), session)
+        self._reach(work, "solved")
+
+    def _draft(self, work: Work) -> None:
+        """Show what the solver of streams makes of the clip: it is causal, and takes milliseconds a frame."""
+        assert self.robot is not None and self.motion is not None
+        motion, first = self.motion, self.take
+        qpos, shown = np.array(first.trajectory.qpos), monotonic()
+        for frame, pose in enumerate(rr.stream(self.robot, motion, native=False)):
+            qpos[frame:] = pose
+            self._progress(work)(0, 1)
+            if monotonic() - shown > DRAFT or frame + 1 == len(motion):
+                shown = monotonic()
+                self._show(self._take(qpos.copy(), motion, first.human))
+
+    def judge(self, work: Work) -> None:
+        """Simulate what is shown, as `simulate` does, and store goals and report.
+
+        Raises:
+            UsageError: nothing is solved yet.
+        """
+        editor, robot = self._solved(), self.robot
+        self._reach(work, "judging")
+        played = editor.take.trajectory
+        assert robot is not None
+        report = rr.simulate(
+            played,
+            robot,
+            mode=mode_of(played),
+            warnings=warnings_of(played, robot) if len(played) > 1 else None,
+            feedback=False if self.choices["feedback"] else None,
+            objects=self.choices["objects"],  # pyright: ignore[reportArgumentType]
+            progress=self._progress(work),
+        )
+        path = self.written(editor)
+        origin = Origin(str(path), self.model, str(self.motion_file), judge=shlex.join(self._judging()))
+        report = replace(report, origin=origin)
+        save_judged(report, path, path.with_name(NAMES[mode_of(played)]))
+        with editor.lock:
+            editor.take = replace(editor.take, report=report)
+        self._reach(work, "judged")
+
+    def _solved(self) -> TakeEditor:
+        if self.editor is None:
+            raise UsageError("nothing is solved yet")
+        return self.editor
+
+    def written(self, editor: TakeEditor) -> Path:
+        """Return the file of the shown trajectory; touch-ups are saved first."""
+        if editor.session is None or not editor.session.edits:
+            return self.trajectory_file
+        return editor.session.save()[1]
+
+    # What the page changes.
+
+    def choose(self, choices: Mapping[str, Any]) -> None:
+        """Set choices.
+
+        Raises:
+            UsageError: one has no such value.
+        """
+        for name, value in choices.items():
+            if name not in ALLOWED:
+                raise UsageError(f"no choice {name!r}; {known(ALLOWED, typed=name)}")
+            if str(value) not in ALLOWED[name] and not (name in FREE and _numbers(str(value))):
+                raise UsageError(f"{name}: {known(ALLOWED[name], typed=value)}, got {value!r}")
+        self.choices |= {name: str(value) for name, value in choices.items()}
+
+    def cure(self, command: str) -> None:
+        """Set the choices that a cure's command names; a speed is a factor of the present one."""
+        found = choices_in(command)
+        if "speed" in found:
+            found["speed"] = f"{float(found['speed']) * float(self.choices['speed']):.3g}"
+        self.choose(found)
+
+    def keep_kinds(self, dropped: list[str]) -> None:
+        """Set the kinds of edges that are off, and write them as a file of edits."""
+        self.place.mkdir(exist_ok=True)
+        self.dropped = [str(kind) for kind in dropped]
+        write_edits([Edit("drop", {"kind": kind}) for kind in self.dropped], self.place / "edges.toml")
+
+    def mend(self, body: str, keypoint: str, where: Any) -> None:
+        """Replace a keypoint of the `human` (the name of a joint) or `robot` (the name of a body) in the map file.
+
+        Raises:
+            MatchError: the keypoint, joint or body is not known; the file stays as it was.
+        """
+        import tomlkit
+
+        from robot_retarget.base.files import write_text
+        from robot_retarget.human.match import read_map
+
+        if body not in ("human", "robot") or self.motion is None or self.robot is None:
+            raise UsageError("a keypoint is the human's or the robot's")
+        known_map = {key: dict(table) for key, table in read_map(self.map_file).items()} if self.map_file else {}
+        line = str(where) if body == "human" else [str(where), 0.0, 0.0, 0.0]
+        known_map.setdefault(body, {})[keypoint] = line
+        self.place.mkdir(exist_ok=True)
+        with TemporaryDirectory() as scratch:
+            tried = write_text(Path(scratch) / "map.toml", tomlkit.dumps(known_map))
+            rr.match(self.motion, self.robot, tried)
+            write_text(self.place / "map.toml", tried.read_text(encoding="utf-8"))
+
+    # What the page shows and takes away.
+
+    @property
+    def take(self) -> Take:
+        """What is shown."""
+        return self._shown if self.editor is None else self.editor.take
+
+    def _show(self, take: Take) -> None:
+        self._shown = take
+        self.version += 1
+        self._changed()
+
+    def waits(self) -> Work:
+        """Stop what is being computed; return the work that waits for its turn."""
+        self.work.stop = True
+        self.work = Work()
+        self._changed()
+        return self.work
+
+    def _reach(self, work: Work, state: str) -> None:
+        self._go_on(work)
+        work.state, work.share, work.began = state, 0.0, monotonic()
+        self.version += 1
+        self._changed()
+
+    def _go_on(self, work: Work) -> None:
+        """Go on, unless the work was stopped.
+
+        Raises:
+            StoppedError: it was.
+        """
+        if work.stop:
+            raise StoppedError("stopped")
+
+    def ended(self, work: Work, error: BaseException) -> None:
+        """End a work with an error: in the state before it, or in one that says the error."""
+        if isinstance(error, StoppedError):
+            work.state = "stopped" if self.editor is None else "solved"
+        else:
+            mistake = isinstance(error, RobotRetargetError)
+            work.state = "failed"
+            work.error = str(error) if mistake else f"a defect of robot-retarget: {type(error).__name__}: {error}"
+        self._changed()
+
+    def _progress(self, work: Work) -> Callable[[int, int], None]:
+        def told(done: int, total: int) -> None:
+            self._go_on(work)
+            work.share = max(work.share, done / max(total, 1))
+            self._changed()
+
+        return told
+
+    def line(self) -> dict[str, Any]:
+        """Return what a list says of it."""
+        work, report = self.work, self.editor and self.editor.take.report
+        stale = self.editor is not None and self.editor.take.stale
+        return {
+            "key": self.key, "clip": self.motion_file.name, "robot": Path(self.model).stem, "model": self.model,
+            "state": work.state, "busy": work.busy, "share": round(work.share, 3), "left": work.left(), "error": work.error,
+            "version": self.version, "badge": report.badge.contract() if report and not stale else None,
+            "reasons": [*report.reasons, *report.unlike][:1] if report and not stale else [],
+        }  # fmt: skip
+
+    def packed(self) -> bytes:
+        """Return the take with all that the page says of it."""
+        with self._lock:
+            version, take = self.version, self.take
+            return Viewer((take,)).packed({"studio": {"version": version, **facts_of(self, take)}})
+
+    def export(self, format: str) -> tuple[Path, str]:
+        """Write the shown trajectory in a format, or its page; return the file, in a folder of its own, and its name.
+
+        Raises:
+            UsageError: nothing is solved, the format is unknown, or the robot does not suit it.
+        """
+        take = self._solved().take
+        kind, name = FORMATS.get(format), f"{self.motion_file.stem}-{Path(self.model).stem}"
+        scratch = Path(mkdtemp(prefix="robot-retarget-"))
+        if format == "viewer":
+            return Viewer((take,)).save(scratch / f"{name}.html"), f"{name}.html"
+        folder = scratch / name
+        folder.mkdir()
+        target = folder / f"{name}{kind.suffix if kind else ''}"
+        judged = take.report.trajectory if take.report and not take.stale else None
+        rr.export(judged or take.trajectory, take.robot, format, target)
+        if [*folder.iterdir()] == [target] and target.is_file():
+            return target.rename(scratch / target.name), target.name
+        return Path(make_archive(str(folder), "zip", folder)), f"{name}.zip"
+
+    def commands(self) -> list[str]:
+        """Return the commands that do the same in a shell."""
+        path, choices, robot = self.trajectory_file, self.choices, ["--robot", self.model]
+        solve = ["solve", str(self.motion_file), *robot]
+        for option, file in (("--map", self.map_file), ("--edges", self.edges_file)):
+            solve += [option, str(file)] if file else []
+        solve += _given(choices, ("balance", "legs", "favour", "fps"))
+        lines = [["mkdir", "-p", str(self.place)], [PROGRAM, *solve, "-o", str(path)]]
+        if choices["speed"] != "1":
+            more = _given(choices, ("balance",))
+            lines.append(
+                [PROGRAM, "edit", "retime", str(path), *robot, "--speed", choices["speed"], *more, "-o", str(path)]
+            )
+        if choices["trim"]:
+            lines.append([PROGRAM, "edit", "cut", str(path), *robot, "--trim", choices["trim"], "-o", str(path)])
+        if self.editor is not None and self.editor.session is not None and self.editor.session.edits:
+            mended, edits = str(self.place / "mended.npz"), str(self.place / "EDITS.toml")
+            using = ["--map", str(self.map_file)] if self.map_file else []
+            lines.append(
+                [
+                    PROGRAM,
+                    "edit",
+                    "mend",
+                    str(path),
+                    *robot,
+                    "--motion",
+                    str(self.motion_file),
+                    "--edges",
+                    edits,
+                    *using,
+                    "-o",
+                    mended,
+                ]
+            )
+            path = Path(mended)
+        lines.append([PROGRAM, "simulate", str(path), *self._judging()])
+        lines.append([PROGRAM, "export", str(path), *robot, "--format", "csv", "-o", str(path.with_suffix(".csv"))])
+        return [shlex.join(line) for line in lines]
+
+    def _judging(self) -> list[str]:
+        more = ["--no-feedback"] if self.choices["feedback"] else []
+        return ["--robot", self.model, *more, *_given(self.choices, ("objects",))]
+
+
+DRAFT = 0.7
+"""Interval of the pictures of a draft [s]."""
+
+
+def _given(choices: Mapping[str, str], names: tuple[str, ...]) -> list[str]:
+    """Return the options of choices that are not the default."""
+    return [word for name in names if choices[name] != ALLOWED[name][0] for word in (f"--{name}", choices[name])]
+
+
+def choices_in(command: str) -> dict[str, str]:
+    """Return the choices that the command of a cure names; none where it does something else."""
+    words = shlex.split(command.partition(" && ")[0])
+    found = {name: words[words.index(f"--{name}") + 1] for name in ALLOWED if f"--{name}" in words[:-1]}
+    return found | dict(FLAGS[word] for word in words if word in FLAGS)
+
+
+def _numbers(text: str) -> bool:
+    """Whether a text is a number, or two with a colon."""
+    try:
+        return all(float(part) >= 0 for part in text.split(":")) and text.count(":") < 2
+    except ValueError:
+        return False

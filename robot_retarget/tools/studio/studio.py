@@ -1,0 +1,302 @@
+"""The studio's server: projects, the threads that work on them, and what its page asks for."""
+
+import json
+import os
+import shutil
+from collections.abc import AsyncIterator, Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
+from threading import Condition, Lock
+from typing import Any
+
+from anyio.to_thread import run_sync
+from starlette.background import BackgroundTask
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
+from starlette.routing import Route
+
+import robot_retarget as rr
+from robot_retarget.base.errors import RobotRetargetError, UsageError, known
+from robot_retarget.base.files import SAMPLES, folder
+from robot_retarget.base.untrusted.limits import is_zip
+from robot_retarget.robot import recognise, shipped_robots
+from robot_retarget.tools.studio.project import Project, Work
+from robot_retarget.tools.studio.uploads import MODELS, motions_within, place_for, plain_name, robot_model, unpacked_zip
+from robot_retarget.tools.view.web import serve as web
+from robot_retarget.tools.view.web.editor import TakeEditor, touch_routes
+from robot_retarget.tools.view.web.serve import Served, message_of, serve
+from robot_retarget.tools.view.web.shapes import shapes_of
+from robot_retarget.tools.view.web.take import Viewer
+
+AT_ONCE = max(os.cpu_count() or 1, 2)
+"""Steps that are computed at the same time."""
+BREATH = 0.2
+"""Least interval of what is sent to a page about projects [s]."""
+
+
+class Studio:
+    """Clips on robots, in a folder.
+
+    Args:
+        place: the folder; every clip has one of its own in it.
+    """
+
+    def __init__(self, place: Path) -> None:
+        self.place: Path = folder(place)
+        self.projects: dict[str, Project] = {}
+        self.robots: dict[str, str] = {name: name for name in shipped_robots()}
+        """The robots that the page offers: name → what `load_robot` takes."""
+        self._loaded = dict[str, rr.Robot]()
+        self._read = dict[Path, rr.Motion]()
+        self._pool, self._lock = ThreadPoolExecutor(AT_ONCE), Lock()
+        self._changes, self._changed = 0, Condition()
+
+    # Projects and their steps.
+
+    def changed(self) -> None:
+        """Tell every page that something has changed."""
+        with self._changed:
+            self._changes += 1
+            self._changed.notify_all()
+
+    def robot(self, model: str) -> rr.Robot:
+        """Return a robot, loaded once, its shapes ready to be drawn."""
+        with self._lock:
+            if model not in self._loaded:
+                self._loaded[model] = rr.load_robot(model)
+                shapes_of(self._loaded[model])
+            return self._loaded[model]
+
+    def _motion(self, path: Path) -> rr.Motion:
+        with self._lock:
+            if path not in self._read:
+                self._read[path] = rr.read_motion(path)
+            return self._read[path]
+
+    def project(self, key: str) -> Project:
+        """Return a project.
+
+        Raises:
+            UsageError: there is none of that name.
+        """
+        if key not in self.projects:
+            raise UsageError(f"no project {key!r}; {known(self.projects, typed=key)}")
+        return self.projects[key]
+
+    def add(self, motion: Path, robot: str) -> Project:
+        """Add a clip on a robot, show it, and begin to solve it.
+
+        Raises:
+            UsageError: the robot is not offered.
+            MotionError, RobotError, MatchError: a file cannot be read, or is of no human or humanoid.
+        """
+        if robot not in self.robots:
+            raise UsageError(f"no robot {robot!r}; {known(self.robots, typed=robot)}")
+        key = f"{motion.parent.name}/{motion.name}@{robot}"
+        if key in self.projects:
+            return self.projects[key]
+        project = Project(key, motion, self.robots[robot], self.changed)
+        project.open(self.robot(project.model), self._motion(motion))
+        self.projects[key] = project
+        self.begin(project, project.solve)
+        return project
+
+    def begin(self, project: Project, *steps: Callable[[Work], None]) -> None:
+        """Begin steps of a project, one after the other, as soon as a processor is free; a running step is stopped."""
+        work = project.waits()
+
+        def run() -> None:
+            try:
+                for step in steps:
+                    step(work)
+            except Exception as error:  # a defect is a state of its project
+                project.ended(work, error)
+
+        self._pool.submit(run)
+
+    def act(self, project: Project, what: str, message: dict[str, Any]) -> None:
+        """Do what a page asks of a project.
+
+        Raises:
+            UsageError: it asks for something else, or for what cannot be.
+            MatchError: a keypoint cannot be where it was put.
+        """
+        value = message.get("value")
+        match what:
+            case "solve":
+                project.choose(value or {})
+                self.begin(project, project.solve)
+            case "judge":
+                self.begin(project, project.judge)
+            case "cure":
+                project.cure(str(value))
+                self.begin(project, project.solve, project.judge)
+            case "mend":
+                project.mend(*(value if isinstance(value, list) and len(value) == 3 else ("", "", "")))
+                project.open(self.robot(project.model), self._motion(project.motion_file))
+                self.begin(project, project.solve)
+            case "kinds":
+                project.keep_kinds(value if isinstance(value, list) else [])
+                self.begin(project, project.solve)
+            case "stop":
+                project.work.stop = True
+                self.changed()
+            case "remove":
+                project.work.stop = True
+                self.projects.pop(project.key, None)
+                self.changed()
+            case _:
+                raise UsageError(f"a project does not {what!r}")
+
+    # Files from the page, and from the command line.
+
+    def bring(self, clip: Path, robot: str) -> None:
+        """Add a clip, or the clips of a folder, that lie elsewhere: each is copied into a folder of its own.
+
+        Raises:
+            RobotRetargetError: the only clip, or the robot, cannot be read; of a folder, the clips that are none are left out.
+        """
+        if robot not in self.robots:
+            recognise(self.robot(robot))
+            self.robots[robot] = robot
+        for path in sorted(each for each in clip.rglob("*") if each.is_file()) if clip.is_dir() else [clip]:
+            copied = place_for(self.place, path.name) / plain_name(path.name)
+            try:
+                shutil.copyfile(path, copied)
+                self.taken(copied, robot)
+            except (RobotRetargetError, OSError) as error:
+                shutil.rmtree(copied.parent, ignore_errors=True)
+                if not clip.is_dir():
+                    raise (
+                        error if isinstance(error, RobotRetargetError) else UsageError(f"cannot read {path}")
+                    ) from error
+
+    def taken(self, path: Path, robot: str) -> dict[str, Any]:
+        """Take a file that was dropped: a robot to choose from, or clips on a robot.
+
+        Raises:
+            RobotRetargetError: it is neither; its folder is removed.
+        """
+        try:
+            unpacked = unpacked_zip(path) if is_zip(path) and path.suffix.lower() == ".zip" else None
+            model = robot_model(unpacked) if unpacked else path if path.suffix.lower() in MODELS else None
+            if model is not None:
+                return self._robot_from(model, path.stem)
+            keys = [self.add(clip, robot).key for clip in (motions_within(unpacked) if unpacked else [path])]
+            return {"projects": keys}
+        except RobotRetargetError:
+            shutil.rmtree(path.parent, ignore_errors=True)
+            raise
+
+    def _robot_from(self, model: Path, name: str) -> dict[str, Any]:
+        recognise(self.robot(str(model)))
+        self.robots[name] = str(model)
+        self.changed()
+        return {"robot": name}
+
+    # What the page asks for.
+
+    def lines(self) -> bytes:
+        """Return what pages list, as an event."""
+        facts = {
+            "projects": [project.line() for project in [*self.projects.values()]],
+            "robots": list(self.robots),
+            "samples": sorted(path.name for path in SAMPLES.glob("*.bvh")),
+        }
+        return b"data: " + json.dumps(facts).encode() + b"\n\n"
+
+    def _next(self, seen: int) -> int:
+        with self._changed:
+            self._changed.wait_for(lambda: self._changes != seen, 5.0)
+            return self._changes
+
+    async def _events(self) -> AsyncIterator[bytes]:
+        from anyio import sleep
+
+        seen = -1
+        while True:
+            seen = await run_sync(self._next, seen)
+            yield self.lines()
+            await sleep(BREATH)
+
+    async def _show_events(self, request: Request) -> Response:
+        return StreamingResponse(self._events(), media_type="text/event-stream")
+
+    def _asked(self, request: Request) -> Project:
+        return self.project(request.query_params.get("project", ""))
+
+    def _editor(self, request: Request) -> TakeEditor:
+        editor = self._asked(request).editor
+        if editor is None:
+            raise UsageError("wait until it is solved")
+        return editor
+
+    def _show_take(self, request: Request) -> Response:
+        return Response(self._asked(request).packed(), media_type="application/octet-stream")
+
+    async def _do(self, request: Request) -> Response:
+        message = await message_of(request)
+        if not isinstance(message, dict):
+            raise UsageError("a message is a table")
+        await run_sync(self.act, self._asked(request), str(message.get("what")), message)
+        return JSONResponse({})
+
+    async def _add(self, request: Request) -> Response:
+        """A sample, or a clip that is there, on a robot."""
+        message = await message_of(request)
+        robot, sample, of = (str(message.get(key, "")) for key in ("robot", "sample", "of"))
+        if of:
+            motion = self.project(of).motion_file
+        elif (SAMPLES / plain_name(sample)).is_file():
+            motion = place_for(self.place, sample) / plain_name(sample)
+            shutil.copyfile(SAMPLES / motion.name, motion)
+        else:
+            raise UsageError(f"no sample {sample!r}")
+        project = await run_sync(self.add, motion, robot)
+        return JSONResponse({"projects": [project.key]})
+
+    async def _drop(self, request: Request) -> Response:
+        name, robot = plain_name(request.query_params.get("name", "")), request.query_params.get("robot", "")
+        if int(request.headers.get("content-length", 0)) > web.LARGEST:
+            raise HTTPException(413, _too_large(name))
+        path = place_for(self.place, name) / name
+        size = 0
+        try:
+            with path.open("wb") as file:
+                async for piece in request.stream():
+                    size += len(piece)
+                    if size > web.LARGEST:
+                        raise UsageError(_too_large(name))
+                    file.write(piece)
+        except BaseException:
+            shutil.rmtree(path.parent, ignore_errors=True)
+            raise
+        return JSONResponse(await run_sync(self.taken, path, robot))
+
+    def _export(self, request: Request) -> Response:
+        path, name = self._asked(request).export(request.query_params.get("format", ""))
+        return FileResponse(path, filename=name, background=BackgroundTask(shutil.rmtree, path.parent, True))
+
+    def served(self, port: int) -> Served:
+        """Open a port for the page; `forever` answers.
+
+        Raises:
+            UsageError: the port is taken, or may not be used.
+        """
+        self._pool.submit(self.robot, "op3")  # the robot that is offered first is there before the first clip
+        routes = [
+            Route("/events", self._show_events),
+            Route("/take", self._show_take),
+            Route("/do", self._do, methods=["POST"]),
+            Route("/add", self._add, methods=["POST"]),
+            Route(web.UPLOAD, self._drop, methods=["POST"]),
+            Route("/export", self._export),
+            *touch_routes(self._editor, ("edit", "undo", "redo", "check", "save")),
+        ]
+        return serve(partial(Viewer(()).page_with, "studio"), routes, port)
+
+
+def _too_large(name: str) -> str:
+    return f"{name} has more than {web.LARGEST / 1e6:.0f} MB, the most that the studio takes"

@@ -1,0 +1,101 @@
+"""Files that a page sends: kept under their own name in a folder of their own, zips unpacked inside it."""
+
+import re
+import shutil
+from pathlib import Path, PurePosixPath
+from zipfile import ZipInfo
+
+from robot_retarget.base.errors import FileError, UsageError
+from robot_retarget.base.files import folder
+from robot_retarget.base.untrusted.limits import LIMITS, opened_member, opened_zip
+
+MODELS = (".xml", ".mjcf", ".urdf")
+"""Ends of the names of robot models."""
+MEMBERS = 5000
+"""Most files of a zip [-]: a humanoid with all its meshes has a few hundred."""
+CHUNK = 1 << 20
+"""Bytes that are copied at once."""
+
+
+def plain_name(name: str) -> str:
+    """Return the file name of a path of any system, without characters that a shell or a system reads otherwise."""
+    return re.sub(r"[^\w.+-]+", "_", re.split(r"[/\\]", name)[-1]).lstrip(".-") or "unnamed"
+
+
+def place_for(studio: Path, name: str) -> Path:
+    """Make a folder of its own for a file: `walk`, `walk_2`, …"""
+    stem = PurePosixPath(name).stem
+    number = next(k for k in range(1, 10**6) if not (studio / _numbered(stem, k)).exists())
+    return folder(studio / _numbered(stem, number))
+
+
+def _numbered(stem: str, number: int) -> str:
+    return stem if number == 1 else f"{stem}_{number}"
+
+
+def unpacked_zip(path: Path) -> Path:
+    """Unpack a zip next to it and return the folder.
+
+    Raises:
+        FileError: it is no zip, is too large, or holds a name that leads out of its folder. Nothing stays of it.
+    """
+    target = path.with_suffix("")
+    try:
+        with opened_zip(path) as archive:
+            members = [member for member in archive.infolist() if not member.is_dir()]
+            if len(members) > MEMBERS:
+                raise FileError(f"{path.name}: {len(members)} files, more than {MEMBERS}")
+            for member in members:
+                _require_inside(path, member)
+            left = LIMITS.unpacked(path)
+            for member in members:
+                inner = target / member.filename
+                inner.parent.mkdir(parents=True, exist_ok=True)
+                with opened_member(archive, member.filename) as content, inner.open("wb") as copy:
+                    while piece := content.read(CHUNK):
+                        left -= len(piece)
+                        if left < 0:
+                            raise FileError(f"{path.name}: unpacks to more than {LIMITS.unpacked(path)} bytes")
+                        copy.write(piece)
+    except FileError:
+        shutil.rmtree(target, ignore_errors=True)
+        raise
+    return target
+
+
+def _require_inside(path: Path, member: ZipInfo) -> None:
+    parts = PurePosixPath(member.filename.replace("\\", "/"))
+    link = (member.external_attr >> 16) & 0o170000 == 0o120000
+    if link or parts.is_absolute() or ".." in parts.parts or re.match(r"\w:", member.filename):
+        raise FileError(f"{path.name}: {member.filename!r} leads out of the zip; it is not unpacked")
+
+
+def robot_model(unpacked: Path) -> Path | None:
+    """Return the robot's model among unpacked files: the one that no other model includes, the shallowest first; None without one.
+
+    A `scene` shows a robot on a floor; where its robot has a file of its own, that one is taken.
+    """
+    found = [path for path in sorted(unpacked.rglob("*")) if path.suffix.lower() in MODELS]
+    texts = {path: path.read_text(encoding="utf-8", errors="replace") for path in found}
+    robots = [path for path, text in texts.items() if re.search(r"<(mujoco|robot)\b", text) and "<joint" in text]
+    whole = [
+        p for p in robots if not any(p.name in text for other, text in texts.items() if other in robots and other != p)
+    ]
+    return min(whole or robots, key=lambda path: (len(path.parts), "scene" in path.stem, str(path)), default=None)
+
+
+CLIPS = (".bvh", ".amc", ".c3d", ".glb", ".fbx", ".trc", ".mvnx", ".npz", ".npy", ".csv", ".json", ".pkl")
+"""Ends of the names of motions, those that one file of a data set has first."""
+
+
+def motions_within(unpacked: Path) -> list[Path]:
+    """Return the motions of an unpacked zip: the files of one kind, or the folder itself.
+
+    Raises:
+        UsageError: it holds no file.
+    """
+    files = [path for path in sorted(unpacked.rglob("*")) if path.is_file() and not path.name.startswith(".")]
+    if not files:
+        raise UsageError(f"{unpacked.name}.zip holds no file")
+    alike = [[path for path in files if path.suffix.lower() == suffix] for suffix in CLIPS]
+    return next(filter(None, alike), [unpacked])
