@@ -28,6 +28,7 @@ def facts_of(project: "Project", take: Take) -> dict[str, Any]:
 
     report = None if take.stale else take.report
     return {
+        "solved": project.editor is not None,
         "keypoints": _keypoints(project),
         "joints": list(project.motion.skeleton.names) if project.motion else [],
         "bodies": [take.robot.model.body(k).name for k in range(1, take.robot.model.nbody)],

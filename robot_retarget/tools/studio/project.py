@@ -32,7 +32,7 @@ from robot_retarget.trajectory import Trajectory
 ALLOWED: dict[str, tuple[str, ...]] = {
     "balance": get_args(Balance),
     "legs": get_args(Legs),
-    "favour": get_args(Preset),
+    "favour": ("balanced", *(preset for preset in get_args(Preset) if preset != "balanced")),
     "speed": ("1", "0.8", "0.6"),
     "fps": ("",),
     "trim": ("",),
@@ -79,12 +79,13 @@ class Project:
         key: its name, in the page and in the folder.
         motion_file: the clip.
         model: the robot as `load_robot` takes it.
+        name: of the robot on the page.
         changed: is called after every change that the page shows.
     """
 
-    def __init__(self, key: str, motion_file: Path, model: str, changed: Callable[[], None]) -> None:
-        self.key, self.motion_file, self.model, self._changed = key, motion_file, model, changed
-        self.place: Path = motion_file.parent / Path(model).stem
+    def __init__(self, key: str, motion_file: Path, model: str, name: str, changed: Callable[[], None]) -> None:
+        self.key, self.motion_file, self.model, self.name, self._changed = key, motion_file, model, name, changed
+        self.place: Path = motion_file.parent / name
         self.choices: dict[str, str] = {name: values[0] for name, values in ALLOWED.items()}
         self.dropped: list[str] = []
         """Kinds of edges that are off."""
@@ -135,7 +136,7 @@ class Project:
     def _take(self, qpos: np.ndarray, motion: rr.Motion, human: Any) -> Take:
         assert self.robot is not None
         names = self.robot.joint_names, self.robot.name
-        return Take(self.robot, Trajectory(qpos, motion.fps, *names, source=motion.source), human)
+        return Take(self.robot, Trajectory(qpos, motion.fps, *names, source=self.motion_file.name), human)
 
     def solve(self, work: Work) -> None:
         """Solve the clip: a draft of the stream's solver first, then as `solve` (and `edit retime`, `edit cut`) do."""
@@ -339,7 +340,7 @@ class Project:
         work, report = self.work, self.editor and self.editor.take.report
         stale = self.editor is not None and self.editor.take.stale
         return {
-            "key": self.key, "clip": self.motion_file.name, "robot": Path(self.model).stem, "model": self.model,
+            "key": self.key, "clip": self.motion_file.name, "robot": self.name,
             "state": work.state, "busy": work.busy, "share": round(work.share, 3), "left": work.left(), "error": work.error,
             "version": self.version, "badge": report.badge.contract() if report and not stale else None,
             "reasons": [*report.reasons, *report.unlike][:1] if report and not stale else [],
@@ -358,7 +359,7 @@ class Project:
             UsageError: nothing is solved, the format is unknown, or the robot does not suit it.
         """
         take = self._solved().take
-        kind, name = FORMATS.get(format), f"{self.motion_file.stem}-{Path(self.model).stem}"
+        kind, name = FORMATS.get(format), f"{self.motion_file.stem}-{self.name}"
         scratch = Path(mkdtemp(prefix="robot-retarget-"))
         if format == "viewer":
             return Viewer((take,)).save(scratch / f"{name}.html"), f"{name}.html"

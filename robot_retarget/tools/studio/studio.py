@@ -97,7 +97,7 @@ class Studio:
         key = f"{motion.parent.name}/{motion.name}@{robot}"
         if key in self.projects:
             return self.projects[key]
-        project = Project(key, motion, self.robots[robot], self.changed)
+        project = Project(key, motion, self.robots[robot], robot, self.changed)
         project.open(self.robot(project.model), self._motion(motion))
         self.projects[key] = project
         self.begin(project, project.solve)

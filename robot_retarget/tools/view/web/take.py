@@ -165,7 +165,7 @@ class Viewer:
             ASSETS / "page.html",
             title=" · ".join(take.title for take in self.takes),
             style=_asset("vendor.css") + _asset("style.css"),
-            modules=json.dumps({"imports": {f"#{path.stem}": _module(path) for path in sorted(ASSETS.glob("*.js"))}}),
+            modules=json.dumps({"imports": {f"#{path.stem}": _module(path) for path in _scripts(kind)}}),
             licences=_asset("vendor.LICENCES.txt").replace("--", "–"),
             kind=kind,
             nonce=nonce,
@@ -229,6 +229,14 @@ def _take(
         )
     warnings = what.warnings if len(what.trajectory) > 1 else None
     return Take(what.robot, what.trajectory, human_of(what.match, what.motion), warnings, report, what.solution)
+
+
+STUDIO = {"studio.js", "zip.js"}
+"""Scripts that other pages do not load."""
+
+
+def _scripts(kind: str) -> list[Path]:
+    return [path for path in sorted(ASSETS.glob("*.js")) if kind == "studio" or path.name not in STUDIO]
 
 
 def _asset(name: str) -> str:

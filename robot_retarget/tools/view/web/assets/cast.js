@@ -73,6 +73,6 @@ export function castsOf(takes) {
     edge += 2 * reach;
     return place;
   });
-  const right = rightOf(takes[0].azimuth), casts = takes.map((take, k) => new Cast(take, right.clone().multiplyScalar(places[k] - edge / 2)));
+  const right = rightOf(takes[0]?.azimuth ?? 0), casts = takes.map((take, k) => new Cast(take, right.clone().multiplyScalar(places[k] - edge / 2)));
   return { casts, span: edge };
 }

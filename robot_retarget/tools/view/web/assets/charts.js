@@ -123,13 +123,13 @@ function options(chart, width, seek) {
 
 export class Charts {
   constructor(player, takes) {
-    Object.assign(this, { player, takes, take: 0, joint: busiest(takes[0]), plots: [] });
+    Object.assign(this, { player, takes, plots: [], clock: [0] });
     this.holder = document.getElementById("charts");
     this.choice = Object.assign(document.createElement("div"), { className: "choice" });
     this.grid = Object.assign(document.createElement("div"), { className: "grid" });
     this.holder.append(this.choice, this.grid);
-    this.#choices();
-    themed(() => this.#draw());
+    this.reset();
+    themed(() => this.draw());
     new ResizeObserver(() => this.#fit()).observe(this.grid);
     player.onchange(() => this.#update());
   }
@@ -148,16 +148,18 @@ export class Charts {
       this.#select("take", "take", this.takes.map((take) => take.title), this.take, (take) => {
         Object.assign(this, { take, joint: busiest(this.takes[take]) });
         this.#choices();
-        this.#draw();
+        this.draw();
       });
     }
     this.joints = this.#select("joint", "joint", this.takes[this.take].joints.names, this.joint, (joint) => this.choose(this.take, joint));
   }
 
-  /** After a take has changed. */
-  replace(take, k) {
-    this.takes[k] = take;
-    this.#draw();
+  /** After other takes have come: the joint that moves most of the first. */
+  reset() {
+    Object.assign(this, { take: 0, joint: this.takes.length ? busiest(this.takes[0]) : -1 });
+    this.choice.replaceChildren();
+    if (this.takes.length) this.#choices();
+    this.draw();
   }
 
   /** Show the curves of a joint. */
@@ -167,13 +169,16 @@ export class Charts {
     Object.assign(this, { take, joint });
     if (other) this.#choices();
     this.joints.value = joint;
-    this.#draw();
+    this.draw();
   }
 
-  #draw() {
-    const time = (this.clock = clockOf(this.takes));
+  /** After a take has changed. */
+  draw() {
     this.plots.forEach(({ plot }) => plot.destroy());
+    this.plots = [];
     this.grid.replaceChildren();
+    if (!this.takes.length || !this.holder.offsetWidth) return;
+    const time = (this.clock = clockOf(this.takes));
     const seek = (to) => {
       this.player.pause();
       this.player.seek(to);
@@ -191,6 +196,7 @@ export class Charts {
   }
 
   #fit() {
+    if (!this.plots.length) return this.draw(); // what was hidden is not drawn
     for (const { plot, card } of this.plots) plot.setSize({ width: Math.max(card.clientWidth - 16, 120), height: HEIGHT });
     this.#update();
   }

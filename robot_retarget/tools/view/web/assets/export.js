@@ -13,11 +13,16 @@ function saved(blob, name) {
 }
 
 export class Export {
-  /** @param scene the element that holds the canvas, the titles and the labels  @param title of the files */
-  constructor({ scene, stage, player, title }) {
-    Object.assign(this, { scene, stage, player, title: title.replace(/[^\p{L}\p{N}.-]+/gu, "_"), sheet: document.createElement("canvas") });
+  /** @param scene the element that holds the canvas, the titles and the labels */
+  constructor({ scene, stage, player }) {
+    Object.assign(this, { scene, stage, player, title: "", sheet: document.createElement("canvas") });
     this.kind = globalThis.MediaRecorder && FILMS.find((kind) => MediaRecorder.isTypeSupported(kind));
     stage.after.push(() => this.recorder && this.#compose());
+  }
+
+  /** Name the files after a title. */
+  named(title) {
+    this.title = title.replace(/[^\p{L}\p{N}.-]+/gu, "_");
   }
 
   /** Put the scene and what is written over it on a sheet of its own. */

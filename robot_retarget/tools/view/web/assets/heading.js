@@ -1,10 +1,6 @@
 // What is shown: the title of each take, and its verdict. A verdict on an earlier motion says so.
 
-function made(kind, attributes, ...children) {
-  const element = Object.assign(document.createElement(kind), attributes);
-  element.append(...children);
-  return element;
-}
+import { made } from "#dom";
 
 function verdictOf({ badge, reasons, stale }) {
   const said = stale ? "judged before the touch-up" : reasons[0] ?? "";

@@ -1,5 +1,7 @@
 // A stream: poses as they come from the server, in place of the first take's only frame, and the state of the stream beside them.
 
+import { made } from "#dom";
+import { address, post } from "#server";
 import { Sticks } from "#sticks";
 import { rightOf } from "#cast";
 
@@ -7,12 +9,6 @@ const ASIDE = 0.9; // from the robot to its performer, in heights of the robot
 const THICK = 0.012; // a bone of the performer, in heights of the robot
 const HUMAN = 0xf28c40;
 const ROWS = { state: "state", source: "frames from", rate: "rate", latency: "latency", faults: "faults", take: "take" };
-
-function made(kind, attributes = {}, ...children) {
-  const element = Object.assign(document.createElement(kind), attributes);
-  element.append(...children);
-  return element;
-}
 
 export class Live {
   /** @param cast whose take has one frame  @param shown called after each pose */
@@ -23,7 +19,7 @@ export class Live {
     for (const id of Object.keys(cast.parts)) cast.show(id, id === "robot");
     this.#panel(document.getElementById("live"));
     const { poses, way, around } = cast.take, middle = way.values.slice(), first = poses.values.slice(0, 3);
-    this.source = new EventSource("live" + location.search);
+    this.source = new EventSource(address("live"));
     this.source.onmessage = ({ data }) => {
       const { robot, bodies, size, human } = JSON.parse(data);
       poses.values.set(robot);
@@ -77,8 +73,11 @@ export class Live {
   }
 
   async record() {
-    const answer = await fetch("record" + location.search, { method: "POST", headers: { "Content-Type": "application/json" }, body: "{}" });
-    const { error, wrote, seconds } = await answer.json();
-    this.cells.take.textContent = error ?? (wrote ? `wrote ${wrote}, ${seconds} s` : "0.0 s");
+    try {
+      const { wrote, seconds } = await (await post("record")).json();
+      this.cells.take.textContent = wrote ? `wrote ${wrote}, ${seconds} s` : "0.0 s";
+    } catch (error) {
+      this.cells.take.textContent = error.message;
+    }
   }
 }

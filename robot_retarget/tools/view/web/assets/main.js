@@ -15,15 +15,10 @@ import { Touch } from "#touch";
 
 const ROOMY = 1.08; // what is shown is so much smaller than the picture
 const LABEL = 19; // height of a label [pixels]
+const EMPTY = new Vector3(0, 0, 0.5); // what is looked at while nothing is there
 const MOMENTS = 12; // of a clip, at which the camera's distance is measured
 const scene = document.getElementById("scene"), canvas = document.getElementById("canvas");
-const show = await embedded();
-const takes = show.takes, { casts, span } = castsOf(takes);
-const height = Math.max(...takes.map((take) => take.height)), floor = Math.min(...takes.map((take) => take.floor));
-const stage = new Stage(scene, canvas, height, takes.length > 1 ? span : 0);
-casts.forEach((cast) => stage.scene.add(cast));
-
-const player = new Player(Math.max(...takes.map((take) => (take.frames - 1) / take.fps)), Math.max(...takes.map((take) => take.fps)));
+const takes = [], casts = [], stage = new Stage(scene, canvas), player = new Player();
 const labels = document.getElementById("labels"), place = new Vector3();
 stage.after.push(() => {
   const { clientWidth, clientHeight } = scene, several = casts.length > 1;
@@ -54,12 +49,37 @@ function apart(said, bottom) {
   said.toReversed().forEach((label, k, all) => (label.y = Math.min(label.y, k ? all[k - 1].y - LABEL : bottom - LABEL / 2 - 1)));
 }
 
-const exported = new Export({ scene, stage, player, title: takes.map((take) => take.title).join(" ") });
-const panel = new Panel(player, stage, casts, exported);
-const timeline = new Timeline(player, [...takes]);
-const charts = new Charts(player, [...takes]);
+const exported = new Export({ scene, stage, player });
+const panel = new Panel(player, stage, casts, exported), timeline = new Timeline(player, takes), charts = new Charts(player, takes);
 const heading = new Heading();
-heading.update(takes);
+
+/** Show takes side by side in place of those before; the camera stays where `still` says that they are the same ones. */
+function mount(shown, still = false) {
+  const { casts: made, span } = castsOf(shown), where = casts[0]?.parts.human?.where;
+  casts.forEach(discard);
+  takes.splice(0, Infinity, ...shown);
+  casts.splice(0, Infinity, ...made);
+  casts.forEach((cast) => {
+    stage.scene.add(cast);
+    if (where) cast.parts.human?.stand(where);
+  });
+  if (takes.length) stage.size(Math.max(...takes.map((take) => take.height)), takes.length > 1 ? span : 0);
+  framed.aspect = 0;
+  player.reset(Math.max(0, ...takes.map((take) => (take.frames - 1) / take.fps)), Math.max(1, ...takes.map((take) => take.fps)));
+  exported.named(takes.map((take) => take.title).join(" "));
+  panel.refresh();
+  heading.update(takes);
+  timeline.draw();
+  charts.reset();
+  pose();
+  if (!still && takes.length) requestAnimationFrame(home);
+  if (!takes.length) stage.look(EMPTY, 0, 5);
+}
+
+function discard(cast) {
+  cast.removeFromParent();
+  cast.traverse(({ geometry }) => geometry?.dispose());
+}
 
 /** The middle of everything that is looked at. */
 function target(time) {
@@ -76,19 +96,21 @@ function fitted(time) {
   }));
 }
 
-const still = { aspect: 0, distance: 0 };
+const framed = { aspect: 0, distance: 0 };
 
 /** The camera's distance at a time [m]: one take keeps the largest of the clip, so that the picture does not breathe. */
 function distance(time) {
   if (takes.length > 1) return fitted(time);
-  if (still.aspect !== stage.camera.aspect) {
+  if (framed.aspect !== stage.camera.aspect) {
     const moments = Array.from({ length: MOMENTS }, (_, k) => (k / (MOMENTS - 1)) * player.duration);
-    Object.assign(still, { aspect: stage.camera.aspect, distance: Math.max(...moments.map(fitted)) });
+    Object.assign(framed, { aspect: stage.camera.aspect, distance: Math.max(...moments.map(fitted)) });
   }
-  return still.distance;
+  return framed.distance;
 }
 
 function pose() {
+  if (!casts.length) return stage.draw();
+  const floor = Math.min(...takes.map((take) => take.floor));
   casts.forEach((cast) => cast.pose(player.time));
   stage.follow(target(player.time), floor, distance(player.time));
 }
@@ -98,10 +120,10 @@ function home() {
 }
 
 player.onchange(pose);
+new ResizeObserver(pose).observe(scene);
 player.onpace = (interval) => stage.keepPace(interval);
 panel.onreset = home;
-pose();
-requestAnimationFrame(home);
+mount((await embedded()).takes);
 if (location.hash === "#play") player.play();
 
 // What is under the pointer: the body, and the joint that moves it; a click shows that joint's curves.
@@ -148,21 +170,22 @@ function saying({ take, name, joint }) {
 /** Another take in place of the k-th. */
 function replaced(k, take) {
   const old = casts[k], cast = new Cast(take, old.position);
-  stage.scene.remove(old);
-  cast.parts.human?.stand(old.parts.human.where);
+  discard(old);
+  cast.parts.human?.stand(old.parts.human?.where ?? "beside");
   casts[k] = cast;
   takes[k] = take;
   stage.scene.add(cast);
   panel.refresh();
   heading.update(takes);
-  charts.replace(take, k);
-  timeline.replace(take, k);
+  charts.draw();
+  timeline.draw();
   pose();
 }
 
-const touch = document.body.classList.contains("touch") ? new Touch({ stage, player, panel, casts, replaced }) : null;
+const touch = document.body.matches(".touch, .studio") ? new Touch({ stage, player, panel, casts, replaced }) : null;
 
-const live = document.body.classList.contains("live") ? new Live(casts[0], () => player.seek(0)) : null;
+const live = document.body.matches(".live") ? new Live(casts[0], () => player.seek(0)) : null;
+const studio = document.body.matches(".studio") ? new (await import("#studio")).Studio({ mount, replaced, player, panel, touch, takes, charts }) : null;
 
-window.viewer = { stage, player, panel, casts, charts, takes, touch, live, exported, heading };
+window.viewer = { stage, studio, player, panel, casts, charts, takes, touch, live, exported, heading };
 document.documentElement.dataset.ready = "yes";

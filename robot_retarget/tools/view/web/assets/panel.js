@@ -1,5 +1,6 @@
 // Buttons, the scrub bar, and the keys.
 
+import { made } from "#dom";
 import { COUNTS } from "#edges";
 import { LAYERS } from "#layers";
 import { SPEEDS } from "#player";
@@ -7,16 +8,10 @@ import { SPEEDS } from "#player";
 const KEYS = [
   ["space", "play, pause"], ["← →", "a frame back, on"], ["shift ← →", "a second back, on"], ["home end", "the beginning, the end"],
   ["[ ]", "slower, faster"], ["L", "loop"], ["H", "human beside, over, off"], ["1 … 9", "layers"], ["F", "camera goes along"],
-  ["R", "camera back"], ["P", "picture (PNG)"], ["?", "these keys"],
+  ["R", "camera back"], ["B", "labels"], ["P", "picture (PNG)"], ["?", "these keys"],
 ];
-if (document.body.classList.contains("touch")) KEYS.push(["T", "touch up"]);
+if (document.body.matches(".touch, .studio")) KEYS.push(["T", "touch up"]);
 const STANDS = ["beside", "over", "off"];
-
-function element(kind, attributes = {}, ...children) {
-  const made = Object.assign(document.createElement(kind), attributes);
-  made.append(...children);
-  return made;
-}
 
 export class Panel {
   constructor(player, stage, casts, exported) {
@@ -31,24 +26,34 @@ export class Panel {
 
   #layers(holder) {
     this.chips = Object.fromEntries(LAYERS.map(({ id, name, on }) => {
-      const chip = element("button", { id: `layer-${id}`, textContent: name });
+      const chip = made("button", { id: `layer-${id}`, textContent: name });
       chip.addEventListener("click", () => this.toggle(id));
       this.shown[id] = Boolean(on);
       holder.append(chip);
       return [id, chip];
     }));
-    const counts = COUNTS.map((value, k) => element("option", { value, textContent: k ? `${value} costliest` : "five costliest" }));
-    this.count = element("select", { id: "edge-count", title: "how many edges are shown, by their cost over the clip" }, ...counts);
+    const counts = COUNTS.map((value, k) => made("option", { value, textContent: k ? `${value} costliest` : "five costliest" }));
+    this.count = made("select", { id: "edge-count", title: "how many edges are shown, by their cost over the clip" }, ...counts);
     this.count.addEventListener("change", () => this.refresh());
     this.chips.edges.after(this.count);
+    this.labels = made("button", { id: "labels-on", textContent: "Labels", title: "say what is shown, in the picture (B)" });
+    this.labels.addEventListener("click", () => this.label());
+    holder.append(this.labels);
     this.refresh();
+  }
+
+  /** What is shown is said in the picture too, or not. */
+  label() {
+    this.labels.classList.toggle("on", document.body.classList.toggle("labelled"));
+    this.stage.draw();
   }
 
   /** After takes have changed: what can be shown, and what is. */
   refresh() {
     const takes = this.casts.map((cast) => cast.take);
+    this.scrub?.setAttribute("max", this.player.duration);
     LAYERS.forEach(({ id, lacks }, k) => {
-      const why = takes.every((take) => lacks?.(take)) && lacks?.(takes[0]);
+      const why = takes.length ? takes.every((take) => lacks?.(take)) && lacks?.(takes[0]) : "nothing is shown yet";
       this.chips[id].disabled = Boolean(why);
       this.chips[id].title = why || (k < 9 ? `key ${k + 1}` : "");
       this.chips[id].classList.toggle("on", this.shown[id] && !why);
@@ -92,33 +97,33 @@ export class Panel {
 
   #transport(holder) {
     const { player } = this;
-    this.button = element("button", { id: "play", title: "play, pause (space)" });
+    this.button = made("button", { id: "play", title: "play, pause (space)" });
     this.button.addEventListener("click", () => player.toggle());
-    this.scrub = element("input", { type: "range", id: "scrub", min: 0, max: player.duration, step: 0.001, value: 0 });
+    this.scrub = made("input", { type: "range", id: "scrub", min: 0, max: 0, step: 0.001, value: 0 });
     this.scrub.setAttribute("aria-label", "time");
     this.scrub.addEventListener("input", () => {
       const time = Number(this.scrub.value); // before pausing sets it back
       player.pause();
       player.seek(time);
     });
-    this.clock = element("output", { id: "clock" });
-    const options = SPEEDS.map((speed) => element("option", { value: speed, textContent: `${speed}×` }));
-    this.speed = element("select", { id: "speed", title: "speed ([ and ])" }, ...options);
+    this.clock = made("output", { id: "clock" });
+    const options = SPEEDS.map((speed) => made("option", { value: speed, textContent: `${speed}×` }));
+    this.speed = made("select", { id: "speed", title: "speed ([ and ])" }, ...options);
     this.speed.addEventListener("change", () => player.setSpeed(Number(this.speed.value)));
-    this.loop = element("button", { id: "loop", textContent: "loop", title: "start again at the end (L)" });
+    this.loop = made("button", { id: "loop", textContent: "loop", title: "start again at the end (L)" });
     this.loop.addEventListener("click", () => player.toggleLoop());
-    this.followed = element("button", { id: "follow", textContent: "follow", title: "the camera goes along (F)" });
+    this.followed = made("button", { id: "follow", textContent: "follow", title: "the camera goes along (F)" });
     this.followed.addEventListener("click", () => this.follow());
-    const keys = element("button", { textContent: "?", title: "keys" });
+    const keys = made("button", { textContent: "?", title: "keys" });
     keys.addEventListener("click", () => this.toggleHelp());
     holder.append(this.button, this.scrub, this.clock, this.speed, this.loop, this.followed, ...this.#exports(), keys);
   }
 
   #exports() {
     const { exported } = this;
-    const picture = element("button", { id: "save-picture", textContent: "PNG", title: "save this view as a picture (P)" });
+    const picture = made("button", { id: "save-picture", textContent: "PNG", title: "save this view as a picture (P)" });
     picture.addEventListener("click", () => exported.savePicture());
-    this.film = element("button", { id: "save-film", textContent: "film", disabled: !exported.kind });
+    this.film = made("button", { id: "save-film", textContent: "film", disabled: !exported.kind });
     this.film.title = exported.kind ? "record the motion in this view, from its beginning to its end" : "this browser records no films";
     this.film.addEventListener("click", () => exported.saveFilm());
     return [picture, this.film];
@@ -131,7 +136,7 @@ export class Panel {
 
   #help(holder) {
     this.help = holder;
-    holder.append(...KEYS.flatMap(([key, what]) => [element("kbd", { textContent: key }), element("span", { textContent: what })]));
+    holder.append(...KEYS.flatMap(([key, what]) => [made("kbd", { textContent: key }), made("span", { textContent: what })]));
     holder.addEventListener("click", () => this.toggleHelp());
   }
 
@@ -160,7 +165,7 @@ export class Panel {
     const does = {
       " ": () => player.toggle(), ArrowLeft: () => player.step(-far), ArrowRight: () => player.step(far),
       Home: () => player.seek(0), End: () => player.seek(player.duration), "[": () => player.faster(-1), "]": () => player.faster(1),
-      l: () => player.toggleLoop(), h: () => this.stand(), f: () => this.follow(), r: () => this.onreset(), p: () => this.exported.savePicture(), "?": () => this.toggleHelp(),
+      l: () => player.toggleLoop(), h: () => this.stand(), f: () => this.follow(), b: () => this.label(), r: () => this.onreset(), p: () => this.exported.savePicture(), "?": () => this.toggleHelp(),
       Escape: () => (this.help.hidden = true),
     };
     const layer = LAYERS[Number(event.key) - 1];

@@ -3,8 +3,15 @@
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4];
 
 export class Player {
-  constructor(duration, fps) {
-    Object.assign(this, { duration, fps, time: 0, speed: 1, loop: true, playing: false, listeners: [], onpace: () => {} });
+  constructor() {
+    Object.assign(this, { duration: 0, fps: 1, time: 0, speed: 1, loop: true, playing: false, listeners: [], onpace: () => {} });
+  }
+
+  /** The clock of other takes; the time stays where they have it. */
+  reset(duration, fps) {
+    Object.assign(this, { duration, fps });
+    if (!duration) this.playing = false;
+    this.seek(this.time);
   }
 
   onchange(listener) {

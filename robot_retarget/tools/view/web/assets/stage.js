@@ -1,7 +1,7 @@
 // The room: light, floor, camera. Draws only when something has changed.
 
 import {
-  CanvasTexture, Color, DirectionalLight, Fog, HemisphereLight, LinearMipmapNearestFilter, Mesh, MeshBasicMaterial, NeutralToneMapping, OrbitControls,
+  CanvasTexture, Color, DirectionalLight, Fog, Group, HemisphereLight, LinearMipmapNearestFilter, Mesh, MeshBasicMaterial, NeutralToneMapping, OrbitControls,
   PCFShadowMap, PerspectiveCamera, PlaneGeometry, RepeatWrapping, SRGBColorSpace, Scene, ShadowMaterial, Vector3, WebGLRenderer,
 } from "#vendor";
 import { colour, themed } from "#theme";
@@ -33,10 +33,8 @@ function tiling(periods) {
 }
 
 export class Stage {
-  /** @param height of the tallest robot [m]  @param span of all that is shown side by side [m] */
-  constructor(holder, canvas, height, span) {
+  constructor(holder, canvas) {
     this.holder = holder;
-    this.height = height;
     this.renderer = new WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true });
     this.renderer.toneMapping = NeutralToneMapping;
     this.renderer.toneMappingExposure = 1.0;
@@ -44,21 +42,35 @@ export class Stage {
     this.renderer.shadowMap.type = PCFShadowMap;
     this.scene = new Scene();
     this.scene.background = new Color();
-    this.scene.fog = new Fog(0, 5 * height + 2 * span, 14 * height + 4 * span);
-    this.camera = new PerspectiveCamera(30, 1, height / 50, 80 * height + 10 * span);
+    this.scene.fog = new Fog(0);
+    this.camera = new PerspectiveCamera(30, 1);
     this.camera.up.set(0, 0, 1);
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.maxPolarAngle = 0.52 * Math.PI;
     this.controls.addEventListener("change", () => this.draw());
     this.following = true;
     this.target = new Vector3();
-    this.#light(span);
-    this.#floor();
+    this.size(1, 0);
     new ResizeObserver(() => this.#fit()).observe(holder);
     this.after = []; // called with the stage after each picture
     this.pictures = 0;
     this.waiting = []; // called once after the next picture
     themed(() => this.#paint());
+  }
+
+  /** Make room. @param height of the tallest robot [m]  @param span of all that is shown side by side [m] */
+  size(height, span) {
+    if (this.height === height && this.span === span) return;
+    Object.assign(this, { height, span });
+    Object.assign(this.scene.fog, { near: 5 * height + 2 * span, far: 14 * height + 4 * span });
+    Object.assign(this.camera, { near: height / 50, far: 80 * height + 10 * span });
+    this.camera.updateProjectionMatrix();
+    this.room?.removeFromParent();
+    this.room = new Group();
+    this.scene.add(this.room);
+    this.#light(span);
+    this.#floor();
+    if (this.after) this.#paint();
   }
 
   /** Sky and floor in the colours of the theme. */
@@ -71,7 +83,7 @@ export class Stage {
   }
 
   #light(span) {
-    this.scene.add(new HemisphereLight(0xffffff, 0xaab4c0, 1.9));
+    this.room.add(new HemisphereLight(0xffffff, 0xaab4c0, 1.9));
     const sun = (this.sun = new DirectionalLight(0xfff6ea, 2.4));
     sun.castShadow = true;
     sun.shadow.mapSize.set(SHADOWS, SHADOWS);
@@ -81,7 +93,7 @@ export class Stage {
     sun.shadow.radius = 3;
     const fill = new DirectionalLight(0xdfeaff, 0.7);
     fill.position.set(-2, 3, 2);
-    this.scene.add(sun, sun.target, fill);
+    this.room.add(sun, sun.target, fill);
   }
 
   /** Tiles without light of their own, and a smaller sheet over them that takes the shadows: cheap to fill. */
@@ -94,7 +106,7 @@ export class Stage {
     plane.renderOrder = -2;
     sheet.renderOrder = -1;
     this.floor = { plane, sheet, period: 2 * width };
-    this.scene.add(plane, sheet);
+    this.room.add(plane, sheet);
   }
 
   /** Set the camera: where it looks, from what azimuth [degrees] and how far [m]. */

@@ -22,6 +22,10 @@ function rowsOf(take) {
   if (Number.isFinite(report?.fall)) {
     rows.push({ name: "falls", bars: [{ from: report.fall, to: Infinity, kind: "touch", said: `falls at ${report.fall.toFixed(2)} s` }] });
   }
+  for (const kind of new Set(take.marks?.map((mark) => mark.kind))) {
+    const own = take.marks.filter((mark) => mark.kind === kind);
+    rows.push({ name: kind, bars: own.map(({ from, to, said }) => ({ from, to: to + 1 / take.fps, kind: "marked", said })) });
+  }
   return rows;
 }
 
@@ -32,22 +36,17 @@ export class Timeline {
     this.head = Object.assign(document.createElement("div"), { className: "head" });
     this.track = Object.assign(document.createElement("div"), { className: "track" });
     this.takes = takes;
-    this.track.classList.toggle("several", takes.length > 1);
-    this.#draw();
+    this.draw();
     this.holder.append(this.track);
     this.#seeking();
     player.onchange(() => this.#update());
     this.#update();
   }
 
-  /** After a take has changed. */
-  replace(take, k) {
-    this.takes[k] = take;
-    this.#draw();
-  }
-
-  #draw() {
+  /** After takes have changed. */
+  draw() {
     this.track.replaceChildren();
+    this.track.classList.toggle("several", this.takes.length > 1);
     for (const take of this.takes) {
       const before = this.takes.length > 1 ? `${take.name}: ` : "";
       for (const row of rowsOf(take)) this.#row(before + row.name, row.bars);

@@ -2,6 +2,8 @@
 
 import { Plane, Raycaster, Vector2, Vector3 } from "#vendor";
 import { decoded, row } from "#data";
+import { made } from "#dom";
+import { post } from "#server";
 import { Sticks } from "#sticks";
 
 const NEAR = 16; // a keypoint this near to the pointer is meant [pixels]
@@ -11,20 +13,10 @@ const HALF = 0.25; // an edge lasts this long before and after the moment [s]
 const PATIENCE = 800; // after a touch-up, its self-contacts are looked for in the background [ms]
 const RELATIONS = { touch: "touch", is: "exactly", least: "at least", most: "at most" };
 
-function made(kind, attributes = {}, ...children) {
-  const element = Object.assign(document.createElement(kind), attributes);
-  element.append(...children);
-  return element;
-}
-
 export class Touch {
   constructor({ stage, player, panel, casts, replaced }) {
     Object.assign(this, { stage, player, panel, casts, replaced, on: false, picks: [] });
     this.ray = new Raycaster();
-    const height = stage.height, looks = { color: 0xd6293e, onTop: true, opacity: 0.9 };
-    this.marks = new Sticks([[0, 1]], [0.004 * height], [[0, 0.022 * height], [1, 0.022 * height]], looks);
-    this.marks.visible = false;
-    stage.scene.add(this.marks);
     this.#form(document.getElementById("touch"));
     this.button = made("button", { id: "touch-up", textContent: "touch up", title: "mend what you see (T)" });
     this.button.addEventListener("click", () => this.toggle());
@@ -76,6 +68,7 @@ export class Touch {
   }
 
   toggle() {
+    if (!this.on && !this.casts[0]?.take.keypoints) return;
     this.on = !this.on;
     this.form.hidden = !this.on;
     this.button.classList.toggle("on", this.on);
@@ -105,7 +98,16 @@ export class Touch {
     return new Vector3().fromArray(places, 3 * k).add(this.casts[0].position);
   }
 
+  /** The line and the balls of what is picked, as large as the robot wants them. */
+  #sticks() {
+    this.marks?.removeFromParent();
+    const height = (this.sized = this.stage.height), looks = { color: 0xd6293e, onTop: true, opacity: 0.9 };
+    this.marks = new Sticks([[0, 1]], [0.004 * height], [[0, 0.022 * height], [1, 0.022 * height]], looks);
+    this.stage.scene.add(this.marks);
+  }
+
   #mark() {
+    if (this.sized !== this.stage.height) this.#sticks();
     const places = this.picks.map((pick) => (typeof pick === "string" ? this.at(this.keypoints.names.indexOf(pick)) : pick.clone().add(this.casts[0].position)));
     this.marks.visible = places.length > 0;
     const [a, b = new Vector3(NaN, NaN, NaN)] = places;
@@ -179,12 +181,6 @@ export class Touch {
     this.#offer();
   }
 
-  async #post(what, content = {}) {
-    const answer = await fetch(what + location.search, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(content) });
-    if (!answer.ok) throw new Error((await answer.json().catch(() => null))?.error ?? `the server answers ${answer.status}`);
-    return answer;
-  }
-
   #say(text, bad = false) {
     this.said.textContent = text;
     this.said.classList.toggle("bad", bad);
@@ -196,7 +192,7 @@ export class Touch {
     this.#say(what === "judge" ? "simulating …" : "solving …");
     const began = performance.now();
     try {
-      const answer = await this.#post(what, content);
+      const answer = await post(what, content);
       this.#shown(await decoded(answer.body));
       this.#report(what, (performance.now() - began) / 1000);
       if (what !== "judge") this.later = setTimeout(() => this.#check(), PATIENCE);
@@ -228,7 +224,7 @@ export class Touch {
 
   async #check() {
     try {
-      this.#shown(await decoded((await this.#post("check")).body));
+      this.#shown(await decoded((await post("check")).body));
     } catch (error) {
       this.#say(error.message, true);
     }
@@ -236,7 +232,7 @@ export class Touch {
 
   async save() {
     try {
-      const { files } = await (await this.#post("save")).json();
+      const { files } = await (await post("save")).json();
       this.#say(`wrote ${files.join(" and ")}`);
     } catch (error) {
       this.#say(error.message, true);
