@@ -5,16 +5,22 @@ from pathlib import Path
 
 from made_trajectories import robot_of, swing
 
+from robot_retarget.base.errors import MotionError
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.collision import warnings_of
+from robot_retarget.human.read import read_motion
 from robot_retarget.judge.report import Report
 from robot_retarget.judge.rollout import simulate
 from robot_retarget.judge.verdict import judge
-from robot_retarget.robot import Robot
+from robot_retarget.robot import Robot, load_robot
 from robot_retarget.scores.likeness import unlikeness
 from robot_retarget.tools.batch.filters import choose, read_filters
 from robot_retarget.tools.batch.report import ClipCard, examples_of, save_page
 from robot_retarget.tools.batch.task import Row
+from robot_retarget.tools.studio.project import Project
+from robot_retarget.tools.studio.studio import Studio
 from robot_retarget.tools.view.page import save_page as save_report
+from robot_retarget.tools.view.web.editor import TakeEditor
 from robot_retarget.tools.view.web.take import Take, Viewer, take_of
 from robot_retarget.trajectory import Trajectory
 
@@ -96,3 +102,21 @@ def long_viewer(robot: Robot) -> Viewer:
     report, played = long_report(robot)
     take = take_of(played, robot, report=report)
     return Viewer((Take(robot, played, None, take.warnings, report),))
+
+
+def long_studio(robot: Robot, folder: Path) -> tuple[Studio, str]:
+    """A studio with eight clips on the robot, one of them judged; and the name of that one."""
+    report, played = long_report(robot)
+    studio, keys = Studio(folder / "studio"), [f"session_{k:02}/{'long_name_' * 9}{k}.bvh@robot" for k in range(8)]
+    for key in keys:
+        place = folder / "studio" / key.rpartition("/")[0]
+        place.mkdir(parents=True, exist_ok=True)
+        project = Project(
+            key, place / key.rpartition("/")[2].partition("@")[0], str(robot.path), "robot", studio.changed
+        )
+        project.robot, project.motion = load_robot("op3"), read_motion(SAMPLES / "wave.bvh")
+        project.editor = TakeEditor(take_of(played, robot, report=report if key == keys[0] else None), None)
+        project.work.state = "solved"
+        studio.projects[key] = project
+    studio.projects[keys[1]].ended(studio.projects[keys[1]].work, MotionError(MESSAGE))
+    return studio, keys[0]

@@ -28,16 +28,18 @@ for (let node; (node = walker.nextNode()); ) {
   const style = getComputedStyle(element), drawn = element.closest("svg")
   for (const rect of range.getClientRects()) {
     const clips = []
+    let reached = false // by scrolling
     for (let e = element; e; e = e.parentElement) {
       const { overflowX, overflowY, display } = getComputedStyle(e), box = e.getBoundingClientRect()
-      const card = e.matches("section, header, figure, footer, #live, #heading, #labels div, #touch, #help, .cards > div, button, td, th"), scrolls = e.matches(".scrolls")
+      const card = e.matches("section, header, figure, footer, details, aside, #drop, #live, #heading, #labels div, #touch, #help, .cards > div, button, td, th"), scrolls = e.matches(".scrolls")
       if (scrolls) { clips.push(["scroll", box]); break }
+      reached ||= /auto|scroll/.test(overflowY) && e !== document.body
       if (display !== "inline" && (card || overflowX !== "visible" || e === document.body)) clips.push([card ? "outside its card" : "cut", box])
     }
     for (const [why, box] of clips) {
       if (why === "scroll") continue
       if (rect.left < box.left - 1.5 || rect.right > box.right + 1.5) said(`${why} by ${Math.round(Math.max(box.left - rect.left, rect.right - box.right))} px`, text)
-      if (why === "cut" && (rect.top < box.top - 3 || rect.bottom > box.bottom + 3)) said("cut below", text)
+      if (why === "cut" && !reached && (rect.top < box.top - 3 || rect.bottom > box.bottom + 3)) said("cut below", text)
     }
     if (!clips.some(([why]) => why === "scroll") && (rect.left < -1 || rect.right > innerWidth + 1)) said("outside the window", text)
   }

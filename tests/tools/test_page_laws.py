@@ -6,10 +6,11 @@ import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import pytest
 from browser import Tab, needs_browser, tab
-from long_pages import MESSAGE, batch_page, long_robot, long_viewer, report_page
+from long_pages import MESSAGE, batch_page, long_robot, long_studio, long_viewer, report_page
 from shared_files import ROOT
 
 from robot_retarget.robot import Robot, load_robot
@@ -48,16 +49,24 @@ def pages(robot: Robot, tmp_path_factory: pytest.TempPathFactory) -> Iterator[di
     thread = threading.Thread(target=served.forever, daemon=True)
     thread.start()
     viewer = long_viewer(robot).save(folder / "viewer.html")
+    studio, project = long_studio(robot, folder)
+    opened_page = studio.served(0)
+    studio_thread = threading.Thread(target=opened_page.forever, daemon=True)
+    studio_thread.start()
+    studio_address = f"{opened_page.address}#{quote(project, safe='')}"
     yield {
         "report": report_page(robot, folder).as_uri(),
         "batch": batch_page(folder).as_uri(),
         "viewer": viewer.as_uri(),
         "live": served.address,
+        "studio": studio_address,
         "gallery": (ROOT / "docs/demo/index.html").as_uri(),
         "demo": (ROOT / "docs/demo/walk.html").as_uri(),
     }
     served.close()
+    opened_page.close()
     thread.join(5)
+    studio_thread.join(5)
 
 
 FACTS: dict[str, Any] = {
@@ -81,12 +90,14 @@ def opened(browser: Tab, address: str, width: int, theme: str = "light") -> None
 
 
 @pytest.mark.parametrize("width", WIDTHS)
-@pytest.mark.parametrize("name", ["report", "batch", "viewer", "live", "gallery", "demo"])
+@pytest.mark.parametrize("name", ["report", "batch", "viewer", "live", "studio", "gallery", "demo"])
 def test_every_row_value_and_letter_of_a_page_with_long_data_can_be_read(
     browser: Tab, pages: dict[str, str], name: str, width: int
 ) -> None:
     for theme in ("light", "dark"):
         opened(browser, pages[name], width, theme)
+        if name == "studio":
+            browser.until("return viewer.studio.facts?.verdict && document.querySelectorAll('#clips li').length === 8")
         if name == "live":
             browser.until("return document.querySelectorAll('#live dd')[4].textContent.includes('× 12')")
         if place := os.environ.get("PICTURE"):

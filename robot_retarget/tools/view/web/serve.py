@@ -84,7 +84,7 @@ class Served:
                 http=InTime,
                 ws="none",
                 lifespan="off",
-                log_level="error",
+                log_level="critical",
                 access_log=False,
                 server_header=False,
                 timeout_graceful_shutdown=1,

@@ -4,7 +4,7 @@ export const about = new URLSearchParams(location.search);
 
 /** The address of what is asked for, with more to be said. */
 export function address(what, more = {}) {
-  return `${what}?${new URLSearchParams([...about, ...Object.entries(more)])}`;
+  return `${what}?${new URLSearchParams({ ...Object.fromEntries(about), ...more })}`;
 }
 
 /** Send a message, or a file; an answer that is none is an error with the server's reason. */

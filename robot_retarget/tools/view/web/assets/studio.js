@@ -149,6 +149,7 @@ export class Studio {
     if (!wanted.length || wanted.every(({ key, version }) => this.versions[key] === version)) return;
     this.fetching = true;
     const keys = this.keys.join("&");
+    wanted.forEach(({ key, version }) => (this.versions[key] = version)); // what fails is not asked for again
     await this.#ask(async () => {
       const found = await Promise.all(wanted.map(async ({ key }) => decoded((await get("take", { project: key })).body)));
       if (keys !== this.keys.join("&")) return;
@@ -245,12 +246,12 @@ export class Studio {
     const { verdict, solved } = this.facts;
     const judge = button(verdict ? "judge again" : "judge", () => this.#do("judge"), { id: "judge-it", className: verdict ? "" : "main", disabled: !solved });
     if (!verdict) return this.verdict.replaceChildren(made("h2", { textContent: "Verdict" }), made("p", { className: "faint", textContent: "Plays it on simulated servos, and says what fails and what helps." }), made("div", { className: "row" }, judge));
-    const cures = verdict.cures.map(({ reasons, what, command, sets }) => made("li", {},
+    const cures = verdict.cures.map(({ reasons, what, command, sets }) => made("div", {},
       ...reasons.map((reason) => made("p", { textContent: reason })),
       ...(command ? [Object.keys(sets).length ? button(what, () => this.#do("cure", command), { className: "cure" }) : made("p", { className: "faint", textContent: `What helps: ${what}` })] : [])));
     this.verdict.replaceChildren(made("h2", { textContent: "Verdict" }),
       made("p", { className: `badge ${verdict.badge.level}`, textContent: verdict.badge.text }), made("p", { textContent: verdict.headline }),
-      ...(cures.length ? [made("ul", { className: "cures" }, ...cures)] : []), made("div", { className: "row" }, judge));
+      ...(cures.length ? [made("div", { className: "cures" }, ...cures)] : []), made("div", { className: "row" }, judge));
   }
 
   #drawMarks() {
