@@ -171,7 +171,7 @@ export class Studio {
     const { line } = this;
     this.card.hidden = this.keys.length > 0;
     document.body.classList.toggle("empty", !this.keys.length && this.lines.length < 2);
-    if (this.card.hidden === this.card.contains(this.pick)) {
+    if (!(this.card.hidden ? this.top : this.card).contains(this.pick)) {
       (this.card.hidden ? this.top.firstChild : this.card.querySelector(".main")).after(this.pick);
       (this.card.hidden ? this.top : this.card.lastChild).after(this.said);
     }
