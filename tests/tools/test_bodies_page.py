@@ -9,7 +9,8 @@ from browser import needs_browser, tab
 from robot_retarget.robot import load_robot
 from robot_retarget.scene.scene import RigidBody, Scene
 from robot_retarget.scene.shape import ShapeKind, solid
-from robot_retarget.tools.view.web.live import LiveRobot, serve_live
+from robot_retarget.tools.studio.studio import Studio
+from robot_retarget.tools.view.web.live import LiveRobot
 from robot_retarget.tools.view.web.take import Viewer, take_of
 from robot_retarget.trajectory import Trajectory
 
@@ -38,11 +39,11 @@ def test_bodies_are_seen_move_and_have_names(tmp_path: Path) -> None:
 
 
 @needs_browser
-def test_bodies_of_a_stream_are_where_its_pose_has_them_and_have_their_size() -> None:
+def test_bodies_of_a_stream_are_where_its_pose_has_them_and_have_their_size(tmp_path: Path) -> None:
     box = RigidBody("a box", solid(ShapeKind.BOX, (0.2, 0.2, 0.2)), np.array([0.5, 0, 0.1, 1.0, 0, 0, 0]))
     floor = RigidBody("ground", solid(ShapeKind.PLANE, ()), np.array([0, 0, 0, 1.0, 0, 0, 0]))
     live = LiveRobot(OP3, Scene((floor, box)))
-    served = serve_live(live, 0)
+    served = Studio(tmp_path, live).served(0)
     thread = Thread(target=served.forever, daemon=True)
     thread.start()
     there = np.array([0.2, 0.05, 0.3, 0.8, 0.6, 0, 0])
@@ -50,7 +51,7 @@ def test_bodies_of_a_stream_are_where_its_pose_has_them_and_have_their_size() ->
         with tab() as opened:
             opened.open(served.address)
             live.show(OP3.standing(), {"ground": floor.poses, "a box": there}, 0.25)
-            opened.until("return viewer.live.poses > 0")
+            opened.until("return viewer.studio.live?.poses > 0")
             mesh = "viewer.casts[0].parts.bodies.children[0]"
             np.testing.assert_allclose(opened.run(f"return {mesh}.position.toArray()"), there[:3], atol=1e-4)
             np.testing.assert_allclose(

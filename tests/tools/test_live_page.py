@@ -19,7 +19,8 @@ from robot_retarget.live.frame import Fault, FaultCounter
 from robot_retarget.live.loop import Loop
 from robot_retarget.live.sources import Replay
 from robot_retarget.robot import load_robot
-from robot_retarget.tools.view.web.live import LiveRobot, PageSink, serve_live
+from robot_retarget.tools.studio.studio import Studio
+from robot_retarget.tools.view.web.live import LiveRobot, PageSink
 from robot_retarget.trajectory import load_trajectory
 
 
@@ -36,14 +37,15 @@ def test_only_the_latest_pose_is_sent() -> None:
 
 
 @needs_browser
-def test_the_robot_on_the_page_stands_where_the_latest_pose_has_it() -> None:
+def test_the_robot_on_the_page_stands_where_the_latest_pose_has_it(tmp_path: Path) -> None:
     live = LiveRobot(robot := load_robot("op3"))
-    served = serve_live(live, 0)
+    served = Studio(tmp_path, live).served(0)
     thread = threading.Thread(target=served.forever, daemon=True)
     thread.start()
     try:
         with tab() as browser:
             browser.open(served.address)
+            browser.until("return Boolean(viewer.studio.live)")
             before = browser.picture().astype(int)
             qpos = robot.standing()
             qpos[robot.qpos_index[robot.joint_names.index("l_sho_roll")]] -= 1.2
@@ -51,7 +53,7 @@ def test_the_robot_on_the_page_stands_where_the_latest_pose_has_it() -> None:
             for _ in range(5):
                 live.show(qpos)
                 time.sleep(0.05)
-            browser.until("return viewer.live.poses > 0")
+            browser.until("return viewer.studio.live.poses > 0")
             assert abs(browser.run("return viewer.takes[0].poses.values[0]") - qpos[0]) < 1e-3
             after = browser.picture().astype(int)
             assert (np.abs(after - before).max(axis=2) > 20).mean() > 0.01
@@ -69,21 +71,22 @@ def test_a_page_shows_state_address_rate_faults_and_performer_and_records_a_take
     robot, wave = load_robot("op3"), read_motion(SAMPLES / "wave.bvh")
     there_and_back = np.concatenate([wave.positions, wave.positions[::-1]])
     motion = Motion(wave.skeleton, np.concatenate([there_and_back] * 30), None, wave.fps)
-    sink = PageSink(robot, 0, source="UDP 127.0.0.1:39539")
+    sink = PageSink(robot, source="UDP 127.0.0.1:39539")
+    served = Studio(tmp_path / "studio", sink.robot).served(0)
     source = Replay(motion, FaultCounter())
     loop = Loop(source, lambda skeleton: rr.Stream(robot, skeleton), sink)
-    pages, frames = (threading.Thread(target=run, daemon=True) for run in (sink.served.forever, loop.run))
+    pages, frames = (threading.Thread(target=run, daemon=True) for run in (served.forever, loop.run))
     pages.start()
     cell = "document.querySelectorAll('#live dd')[{}].textContent"
     try:
         with tab() as browser:
-            browser.open(sink.served.address)
-            browser.until(f"return {cell.format(0)} === 'waiting for a performer'")
+            browser.open(served.address)
+            browser.until(f"return Boolean(viewer.studio.live) && {cell.format(0)} === 'waiting for a performer'")
             assert browser.run(f"return {cell.format(1)}") == "UDP 127.0.0.1:39539"
             sink.follow(loop)
             frames.start()
             browser.until(f"return {cell.format(0)} === 'following' && parseFloat({cell.format(2)}) > 0")
-            browser.until("return viewer.live.sticks?.rods.count > 10 && viewer.live.poses > 10")
+            browser.until("return viewer.studio.live.sticks?.rods.count > 10 && viewer.studio.live.poses > 10")
             assert "ms" in browser.run(f"return {cell.format(3)}") and browser.run(f"return {cell.format(4)}") == "none"
             browser.run("document.getElementById('record').click()")
             browser.until(f"return parseFloat({cell.format(5)}) > 0.6")
@@ -92,14 +95,19 @@ def test_a_page_shows_state_address_rate_faults_and_performer_and_records_a_take
             if picture := os.environ.get("PICTURE"):
                 browser.driver.save_screenshot(picture)
             browser.run("document.getElementById('record').click()")
-            browser.until(f"return {cell.format(5)}.startsWith('wrote take_1.npz')")
+            browser.until("return location.hash.includes('take_1.bvh') && viewer.takes[0]?.human")
             assert not browser.complaints()
     finally:
         loop.stop.set()
-        sink.served.close()
+        served.close()
     take = load_trajectory(tmp_path / "take_1.npz")
     assert take.robot == robot.name and len(take) > 2 and 5 < take.fps < 240
     assert np.ptp(take.qpos[:, robot.qpos_index], axis=0).max() > 0.001
+    performed = read_motion(tmp_path / "take_1.bvh")
+    assert (
+        performed.duration == pytest.approx(take.duration, abs=0.3)
+        and len(performed.skeleton) >= len(wave.skeleton) - 6
+    )
 
 
 @pytest.mark.parametrize("late", [-0.02, 0.0, 0.02, 0.045])
@@ -155,12 +163,10 @@ def test_a_take_is_written_where_the_stream_ends_before_it_is_stopped(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     robot = load_robot("op3")
-    sink = PageSink(robot, 0)
-    thread = threading.Thread(target=sink.served.forever, daemon=True)
-    thread.start()
-    sink._robot.record()
+    live = PageSink(robot).robot
+    live.record()
     for _ in range(3):
-        sink._robot.show(robot.standing())
+        live.show(robot.standing())
         time.sleep(0.02)
-    assert sink.close()["wrote"] == "take_1.npz" and len(load_trajectory(tmp_path / "take_1.npz")) >= 2
-    assert sink.close() == {}
+    assert live.end()["wrote"] == "take_1.npz" and len(load_trajectory(tmp_path / "take_1.npz")) >= 2
+    assert live.end() == {}

@@ -14,7 +14,8 @@ from long_pages import MESSAGE, batch_page, long_robot, long_studio, long_viewer
 from shared_files import ROOT
 
 from robot_retarget.robot import Robot, load_robot
-from robot_retarget.tools.view.web.live import LiveRobot, serve_live
+from robot_retarget.tools.studio.studio import Studio
+from robot_retarget.tools.view.web.live import LiveRobot
 
 pytestmark = needs_browser
 WIDTHS = 390, 1280
@@ -45,7 +46,7 @@ def pages(robot: Robot, tmp_path_factory: pytest.TempPathFactory) -> Iterator[di
     """The address of each page."""
     folder = tmp_path_factory.mktemp("pages")
     live = LiveRobot(load_robot("op3"), facts=lambda: FACTS)
-    served = serve_live(live, 0)
+    served = Studio(folder / "live", live).served(0)
     thread = threading.Thread(target=served.forever, daemon=True)
     thread.start()
     viewer = long_viewer(robot).save(folder / "viewer.html")
@@ -99,7 +100,7 @@ def test_every_row_value_and_letter_of_a_page_with_long_data_can_be_read(
         if name == "studio":
             browser.until("return viewer.studio.facts?.verdict && document.querySelectorAll('#clips li').length === 8")
         if name == "live":
-            browser.until("return document.querySelectorAll('#live dd')[4].textContent.includes('× 12')")
+            browser.until("return document.querySelectorAll('#live dd')[4]?.textContent.includes('× 12')")
         if place := os.environ.get("PICTURE"):
             picture = browser.driver.execute_cdp_cmd("Page.captureScreenshot", {"captureBeyondViewport": True})
             Path(place, f"{name}-{width}-{theme}.png").write_bytes(base64.b64decode(picture["data"]))
@@ -109,6 +110,7 @@ def test_every_row_value_and_letter_of_a_page_with_long_data_can_be_read(
 @pytest.mark.parametrize("width", [390, 900, 1280])
 def test_the_state_of_a_stream_covers_no_part_of_the_robot(browser: Tab, pages: dict[str, str], width: int) -> None:
     opened(browser, pages["live"], width)
+    browser.until("return document.querySelectorAll('#live dd').length > 4")
     card, scene = (
         browser.run(f"return document.getElementById('{one}').getBoundingClientRect()") for one in ("live", "scene")
     )

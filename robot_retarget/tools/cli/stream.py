@@ -49,6 +49,7 @@ class StreamOutputOptions:
     )
     serial: str = option("Serial port of the servos; `emulated` starts an emulated robot with physics.", default="")
     page: int = option("With --to view: where to serve the page; 0 takes a free port.", default=8410)
+    out: Path = option("With --to view: the folder of the studio, for takes.", *opt.OUT, default=Path("studio"))
     log: Path = option("With --to servos: the log to write (.npz).", default=Path("play.npz"))
 
 
@@ -155,16 +156,19 @@ def _to_stdout(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str, 
 def _to_page(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str, Any], int]:
     from threading import Thread
 
+    from robot_retarget.tools.studio.studio import Studio
     from robot_retarget.tools.view.web.live import PageSink
 
-    sink = PageSink(poses.robot, place.page, poses.scene, _heard_at(poses.source))
-    console.to_stderr(f"{sink.served.address} shows it; from elsewhere first: {sink.served.tunnel_command()}")
-    thread = Thread(target=sink.served.forever, daemon=True)
+    sink = PageSink(poses.robot, poses.scene, _heard_at(poses.source))
+    served = Studio(place.out, sink.robot).served(place.page)
+    console.to_stderr(f"{served.address} shows it; from elsewhere first: {served.tunnel_command()}")
+    thread = Thread(target=served.forever, daemon=True)
     thread.start()
     try:
         return poses.run(sink, sink.follow), 0
     finally:
-        if take := sink.close():
+        served.close()
+        if take := sink.robot.end():
             console.to_stderr(f"wrote {take['wrote']}, {take['seconds']} s")
         thread.join()
 

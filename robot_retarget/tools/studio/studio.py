@@ -26,12 +26,15 @@ from robot_retarget.tools.studio.project import Project, Work
 from robot_retarget.tools.studio.uploads import MODELS, motions_within, place_for, plain_name, robot_model, unpacked_zip
 from robot_retarget.tools.view.web import serve as web
 from robot_retarget.tools.view.web.editor import TakeEditor, touch_routes
+from robot_retarget.tools.view.web.live import LiveRobot, live_routes
 from robot_retarget.tools.view.web.serve import Served, message_of, serve
 from robot_retarget.tools.view.web.shapes import shapes_of
 from robot_retarget.tools.view.web.take import Viewer
 
 AT_ONCE = max(os.cpu_count() or 1, 2)
 """Steps that are computed at the same time."""
+LIVE = "live"
+"""Name of the stream among the projects."""
 BREATH = 0.2
 """Least interval of what is sent to a page about projects [s]."""
 
@@ -41,10 +44,11 @@ class Studio:
 
     Args:
         place: the folder; every clip has one of its own in it.
+        following: a robot that follows a stream.
     """
 
-    def __init__(self, place: Path) -> None:
-        self.place: Path = folder(place)
+    def __init__(self, place: Path, following: LiveRobot | None = None) -> None:
+        self.place, self.following = folder(place), following
         self.projects: dict[str, Project] = {}
         self.robots: dict[str, str] = {name: name for name in shipped_robots()}
         """The robots that the page offers: name → what `load_robot` takes."""
@@ -203,6 +207,7 @@ class Studio:
         facts = {
             "projects": [project.line() for project in [*self.projects.values()]],
             "robots": list(self.robots),
+            "live": self.following is not None,
             "samples": sorted(path.name for path in SAMPLES.glob("*.bvh")),
         }
         return b"data: " + json.dumps(facts).encode() + b"\n\n"
@@ -234,7 +239,22 @@ class Studio:
         return editor
 
     def _show_take(self, request: Request) -> Response:
-        return Response(self._asked(request).packed(), media_type="application/octet-stream")
+        if self.following is not None and request.query_params.get("project") == LIVE:
+            packed = self.following.viewer.packed({"studio": {"version": 1}})
+        else:
+            packed = self._asked(request).packed()
+        return Response(packed, media_type="application/octet-stream")
+
+    def _recorded(self, take: dict[str, Any]) -> dict[str, Any]:
+        """Solve the performer's motion of a take, as any clip."""
+        if self.following is None or not take.get("motion"):
+            return take
+        model, copied = self.following.robot, place_for(self.place, take["motion"]) / Path(take["motion"]).name
+        shutil.copyfile(take["motion"], copied)
+        name = next((name for name in self.robots if name == model.name), str(model.path))
+        self.robots.setdefault(name, name)
+        self._loaded.setdefault(self.robots[name], model)
+        return take | {"projects": [self.add(copied, name).key]}
 
     async def _do(self, request: Request) -> Response:
         message = await message_of(request)
@@ -293,6 +313,7 @@ class Studio:
             Route("/add", self._add, methods=["POST"]),
             Route(web.UPLOAD, self._drop, methods=["POST"]),
             Route("/export", self._export),
+            *(live_routes(self.following, self._recorded) if self.following else ()),
             *touch_routes(self._editor, ("edit", "undo", "redo", "check", "save")),
         ]
         return serve(partial(Viewer(()).page_with, "studio"), routes, port)

@@ -12,12 +12,15 @@ from typing import Any
 
 import numpy as np
 from anyio.to_thread import run_sync
+from scipy.interpolate import interp1d
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import BaseRoute, Route
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import OutputError, UsageError
+from robot_retarget.human.motion import Motion
+from robot_retarget.human.readers.bvh import write_bvh
 from robot_retarget.human.surroundings import first_frame
 from robot_retarget.live.frame import Frame
 from robot_retarget.live.loop import LivePose, Loop
@@ -25,7 +28,7 @@ from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import sample
 from robot_retarget.scene.scene import Scene
 from robot_retarget.tools.view.staging import FLESH, height_of
-from robot_retarget.tools.view.web.serve import PORT, Served, message_of, serve
+from robot_retarget.tools.view.web.serve import message_of
 from robot_retarget.tools.view.web.shapes import shapes_of, shapes_of_scene
 from robot_retarget.tools.view.web.show import SCALAR_LAST, poses, seen
 from robot_retarget.tools.view.web.take import Take, Viewer
@@ -50,12 +53,15 @@ class Recording:
     def __init__(self, robot: Robot, folder: Path) -> None:
         self.path: Path = next(path for n in count(1) if not (path := folder / f"take_{n}.npz").exists())
         self._robot, self._poses = robot, list[tuple[float, Floats]]()
+        self._frames = list[Frame]()
         self._stop, self._writer = Event(), Thread(target=self._write, daemon=True)
         self._writer.start()
 
-    def add(self, qpos: Floats) -> None:
-        """Add a pose (nq,) at this time."""
+    def add(self, qpos: Floats, frame: Frame | None = None) -> None:
+        """Add a pose (nq,) at this time, and the frame of the performer that it follows."""
         self._poses.append((monotonic(), np.array(qpos)))
+        if frame is not None and (not self._frames or frame.skeleton is self._frames[-1].skeleton):
+            self._frames.append(frame)
 
     @property
     def length(self) -> float:
@@ -74,7 +80,22 @@ class Recording:
         if not self.length:
             raise UsageError("no pose came while the take was recorded")
         self._save()
+        if len(self._frames) > 1:
+            write_bvh(self._performance(), self.motion)
         return self.length
+
+    @property
+    def motion(self) -> Path:
+        """Where the performer's motion is once the take has ended, if there was one."""
+        return self.path.with_suffix(".bvh")
+
+    def _performance(self) -> Motion:
+        """The performer's joints at an even rate, straight between frames."""
+        times = np.array([frame.arrived for frame in self._frames])
+        joints = np.array([frame.positions for frame in self._frames])
+        fps = round((len(times) - 1) / (times[-1] - times[0]), 3)
+        even = interp1d(times - times[0], joints, axis=0)(np.arange(int((times[-1] - times[0]) * fps) + 1) / fps)
+        return Motion(self._frames[0].skeleton, even, None, fps, source=self.motion.name)
 
     def _write(self) -> None:
         pause = LOST
@@ -116,7 +137,7 @@ class LiveRobot:
             facts: figures of the stream for the page.
             takes: the folder of recorded takes.
         """
-        self._robot, self._shapes, self._facts, self._folder = robot, shapes_of(robot), facts, takes
+        self.robot, self._shapes, self._facts, self._folder = robot, shapes_of(robot), facts, takes
         around = None if scene is None else first_frame(scene)
         drawn = () if around is None else seen(shapes_of_scene(around))
         self._names = [around.names[body] for body in drawn] if around is not None else []
@@ -132,6 +153,7 @@ class LiveRobot:
         bodies: Mapping[str, Floats] | None = None,
         size: float = 1.0,
         human: Floats | None = None,
+        frame: Frame | None = None,
     ) -> None:
         """Show a pose.
 
@@ -140,8 +162,9 @@ class LiveRobot:
             bodies: (7,) poses of the bodies around it by name.
             size: of the bodies over their captured size [-].
             human: (J, 3) joints of the performer [m], as large as the robot, above its middle on the floor.
+            frame: of the performer, for a take.
         """
-        rows: dict[str, Any] = {"robot": np.round(poses(self._robot, qpos[None], self._shapes), 4).ravel().tolist()}
+        rows: dict[str, Any] = {"robot": np.round(poses(self.robot, qpos[None], self._shapes), 4).ravel().tolist()}
         if bodies:
             around = np.array([bodies[name] for name in self._names]).reshape(-1, 7)[:, SCALAR_LAST]
             rows |= {"bodies": np.round(around, 4).ravel().tolist(), "size": size}
@@ -150,7 +173,7 @@ class LiveRobot:
         with self._changed:
             self._count, self._pose = self._count + 1, json.dumps(rows).encode()
             if self._take is not None:
-                self._take.add(qpos)
+                self._take.add(qpos, frame)
             self._changed.notify_all()
 
     def next(self, seen: int, timeout: float) -> tuple[int, bytes] | None:
@@ -174,8 +197,11 @@ class LiveRobot:
             OutputError: it cannot be written.
         """
         with self._changed:
-            take, self._take = self._take, None if self._take is not None else Recording(self._robot, self._folder)
-        return {"recording": 0.0} if take is None else {"wrote": str(take.path), "seconds": take.end()}
+            take, self._take = self._take, None if self._take is not None else Recording(self.robot, self._folder)
+        if take is None:
+            return {"recording": 0.0}
+        seconds, motion = take.end(), take.motion
+        return {"wrote": str(take.path), "seconds": seconds, "motion": str(motion) if motion.exists() else None}
 
     def end(self) -> dict[str, Any]:
         """End a take that is being recorded, if there is one; return where it is, as `record` does."""
@@ -186,8 +212,12 @@ STATE = 0.5
 """Interval of the state of a stream [s]."""
 
 
-def live_routes(following: LiveRobot) -> list[BaseRoute]:
-    """Return the routes of poses, as server-sent events until the page is closed, and of recorded takes."""
+def live_routes(following: LiveRobot, taken: Callable[[dict[str, Any]], dict[str, Any]]) -> list[BaseRoute]:
+    """Return the routes of poses, as server-sent events until the page is closed, and of recorded takes.
+
+    Args:
+        taken: returns what the page hears of a take, from what `LiveRobot.record` returns.
+    """
 
     async def events() -> AsyncIterator[bytes]:
         count, said = 0, float("-inf")
@@ -204,49 +234,31 @@ def live_routes(following: LiveRobot) -> list[BaseRoute]:
 
     async def record(request: Request) -> Response:
         await message_of(request)
-        return JSONResponse(await run_sync(following.record))
+        return JSONResponse(await run_sync(lambda: taken(following.record())))
 
     return [Route("/live", live), Route("/record", record, methods=["POST"])]
 
 
-def serve_live(following: LiveRobot, port: int = PORT) -> Served:
-    """Open a port for a page that follows live poses; `forever` answers.
-
-    Raises:
-        UsageError: the port is taken, or may not be used.
-    """
-    return serve(lambda nonce: following.viewer.page_with("live", nonce), live_routes(following), port)
-
-
 class PageSink:
-    """A page that follows a stream; `served` says where.
+    """What a page that follows a stream shows: `robot` goes to its server."""
 
-    Raises:
-        UsageError: its port is taken.
-    """
-
-    def __init__(self, robot: Robot, port: int = PORT, scene: Scene | None = None, source: str = "") -> None:
-        """Serve the page; `source` is where frames come from, in words."""
-        self._robot = LiveRobot(robot, scene, self._facts)
+    def __init__(self, robot: Robot, scene: Scene | None = None, source: str = "") -> None:
+        """Begin with a standing robot; `source` is where frames come from, in words."""
+        self.robot: LiveRobot = LiveRobot(robot, scene, self._facts)
         self._loop: Loop | None = None
         self._source, self._height, self._frames = source, height_of(robot), deque[float](maxlen=RECENT)
         self._performer: tuple[Any, float] | None = None
-        self.served: Served = serve_live(self._robot, port)
 
     def follow(self, loop: Loop) -> None:
         """Show the performer of a loop too, and its state."""
         self._loop = loop
 
-    def close(self) -> dict[str, Any]:
-        """End a take that is being recorded, and the page; return where the take is, as `LiveRobot.record` does."""
-        self.served.close()
-        return self._robot.end()
-
     def show(self, pose: LivePose) -> None:
         frame = self._loop.last if self._loop is not None else None
-        if frame is not None and self._loop is not None and not self._loop.resting:
-            self._frames.append(frame.arrived)
-        self._robot.show(pose.qpos, pose.bodies, pose.size, None if frame is None else self._scaled(frame))
+        new = frame if self._loop is not None and not self._loop.resting else None
+        if new is not None:
+            self._frames.append(new.arrived)
+        self.robot.show(pose.qpos, pose.bodies, pose.size, None if frame is None else self._scaled(frame), new)
 
     def _scaled(self, frame: Frame) -> Floats:
         """(J, 3) the performer as tall as the robot, its lowest joint a hand's breadth of flesh above the floor [m]."""

@@ -158,7 +158,7 @@ class Viewer:
         """The HTML.
 
         Args:
-            kind: `viewer`, or where a server answers `touch` (touch-ups), `live` (poses of a stream) or `studio`.
+            kind: `viewer`, or where a server answers `touch` (touch-ups) or `studio`.
             nonce: of its scripts, as the server's policy names it.
         """
         return rendered(
@@ -231,7 +231,7 @@ def _take(
     return Take(what.robot, what.trajectory, human_of(what.match, what.motion), warnings, report, what.solution)
 
 
-STUDIO = {"studio.js", "zip.js"}
+STUDIO = {"live.js", "studio.js", "zip.js"}
 """Scripts that other pages do not load."""
 
 

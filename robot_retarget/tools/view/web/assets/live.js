@@ -37,8 +37,14 @@ export class Live {
     this.source.onerror = () => this.#state({ ...this.last, state: "the stream has ended", rate: 0 });
   }
 
+  /** Follow no longer. */
+  close() {
+    this.source.close();
+    this.sticks?.removeFromParent();
+  }
+
   #panel(holder) {
-    holder.hidden = false;
+    holder.replaceChildren();
     this.cells = Object.fromEntries(Object.keys(ROWS).map((id) => [id, made("dd", { textContent: "–" })]));
     this.button = made("button", { id: "record", textContent: "record a take" });
     this.button.addEventListener("click", () => this.record());
@@ -74,8 +80,9 @@ export class Live {
 
   async record() {
     try {
-      const { wrote, seconds } = await (await post("record")).json();
+      const { wrote, seconds, projects } = await (await post("record")).json();
       this.cells.take.textContent = wrote ? `wrote ${wrote}, ${seconds} s` : "0.0 s";
+      if (projects) location.hash = encodeURIComponent(projects[0]); // it is solved there
     } catch (error) {
       this.cells.take.textContent = error.message;
     }

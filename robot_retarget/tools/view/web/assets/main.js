@@ -6,7 +6,6 @@ import { Charts, hue } from "#charts";
 import { embedded } from "#data";
 import { Export } from "#export";
 import { Heading } from "#heading";
-import { Live } from "#live";
 import { Panel } from "#panel";
 import { Player } from "#player";
 import { Stage } from "#stage";
@@ -184,8 +183,7 @@ function replaced(k, take) {
 
 const touch = document.body.matches(".touch, .studio") ? new Touch({ stage, player, panel, casts, replaced }) : null;
 
-const live = document.body.matches(".live") ? new Live(casts[0], () => player.seek(0)) : null;
-const studio = document.body.matches(".studio") ? new (await import("#studio")).Studio({ mount, replaced, player, panel, touch, takes, charts }) : null;
+const studio = document.body.matches(".studio") ? new (await import("#studio")).Studio({ mount, player, panel, touch, takes, casts, charts }) : null;
 
-window.viewer = { stage, studio, player, panel, casts, charts, takes, touch, live, exported, heading };
+window.viewer = { stage, studio, player, panel, casts, charts, takes, touch, exported, heading };
 document.documentElement.dataset.ready = "yes";

@@ -2,6 +2,7 @@
 
 import { decoded } from "#data";
 import { button, made, select } from "#dom";
+import { Live } from "#live";
 import { about, address, get, post } from "#server";
 import { worded } from "#words";
 import { droppedFiles, zipped } from "#zip";
@@ -12,7 +13,8 @@ const CHOICES = {
   speed: ["Pace", { 1: "the human's", 0.8: "0.8 times", 0.6: "0.6 times" }],
   favour: ["Favour", { balanced: "a blend", directions: "directions of limbs", distances: "distances of parts" }],
 };
-const STATES = { waiting: "waits for its turn", solving: "solving", solved: "solved", judging: "judging", judged: "judged", stopped: "stopped", failed: "not possible" };
+const LIVE = "live"; // the name of the stream among the projects
+const STATES = { live: "live", waiting: "waits for its turn", solving: "solving", solved: "solved", judging: "judging", judged: "judged", stopped: "stopped", failed: "not possible" };
 const $ = (id) => document.getElementById(id);
 
 export class Studio {
@@ -34,7 +36,7 @@ export class Studio {
     this.files = made("input", { type: "file", multiple: true, hidden: true, id: "files" });
     this.files.addEventListener("change", () => this.#take([...this.files.files].map((file) => ({ path: file.name, file }))));
     this.robot = made("select", { id: "robot", ariaLabel: "robot" });
-    this.robot.addEventListener("change", () => this.#ask(() => this.line && this.#add({ of: this.line.key, robot: this.robot.value })));
+    this.robot.addEventListener("change", () => this.#ask(() => this.facts && this.#add({ of: this.line.key, robot: this.robot.value })));
     this.said = made("p", { id: "message", role: "alert", hidden: true });
     this.pick = made("label", {}, "on ", this.robot);
     this.card = made("div", { id: "drop" },
@@ -51,10 +53,12 @@ export class Studio {
     this.fold.curves.addEventListener("toggle", () => this.charts.draw());
     this.work = made("section", { id: "work", hidden: true });
     this.verdict = made("section", { id: "verdict", hidden: true });
+    $("live").hidden = false;
+    this.stream = made("section", { id: "stream", hidden: true }, made("h2", { textContent: "Live" }), $("live"));
     this.list = made("section", { id: "clips", hidden: true });
     const top = this.top = made("header", { id: "top" }, made("h1", { textContent: "Studio" }),
       button("add a clip", () => this.files.click(), { id: "add" }), this.files);
-    $("side").append(top, this.said, this.list, this.work, this.verdict, this.fold.away, this.fold.marks, this.fold.body, this.fold.kinds, this.fold.view, this.fold.curves);
+    $("side").append(top, this.said, this.list, this.stream, this.work, this.verdict, this.fold.away, this.fold.marks, this.fold.body, this.fold.kinds, this.fold.view, this.fold.curves);
     $("side").hidden = false;
   }
 
@@ -116,7 +120,7 @@ export class Studio {
     if (!robot) return;
     this.robot.append(made("option", { value: robot, textContent: robot }));
     this.robot.value = robot;
-    if (this.line) await this.#add({ of: this.line.key, robot });
+    if (this.facts) await this.#add({ of: this.line.key, robot });
     else this.#say(`${robot} is there: drop a motion for it.`);
   }
 
@@ -124,7 +128,8 @@ export class Studio {
   #open(hash) {
     this.keys = hash ? hash.split("&").map(decodeURIComponent) : [];
     about.set("project", this.keys[0] ?? "");
-    Object.assign(this, { versions: {}, facts: null });
+    this.live?.close();
+    Object.assign(this, { versions: {}, facts: null, live: null });
     if (!this.keys.length) this.mount([]);
     this.#draw();
     this.#refresh();
@@ -132,12 +137,13 @@ export class Studio {
 
   // What the server says.
 
-  #heard({ projects, robots, samples }) {
-    this.lines = projects;
+  #heard({ projects, robots, samples, live }) {
+    this.lines = live ? [{ key: LIVE, clip: "the stream", robot: "", state: "live", reasons: [], version: 1 }, ...projects] : projects;
+    if (live && !this.keys.length) return void (location.hash = LIVE);
     const known = new Set([...this.robot.options].map(({ value }) => value));
     this.robot.append(...robots.filter((name) => !known.has(name)).map((name) => made("option", { value: name, textContent: name.replaceAll("_", " "), selected: name === "op3" })));
     if (!$("samples").children.length) $("samples").append("or try ", ...samples.map((sample) => button(sample.replace(/\.bvh$/, "").replaceAll("_", " "), () => this.#ask(() => this.#add({ sample, robot: this.robot.value })))));
-    if (this.line && document.activeElement !== this.robot) this.robot.value = this.line.robot;
+    if (this.facts && document.activeElement !== this.robot) this.robot.value = this.line.robot;
     this.#draw();
     this.#refresh();
   }
@@ -153,6 +159,7 @@ export class Studio {
     await this.#ask(async () => {
       const found = await Promise.all(wanted.map(async ({ key }) => decoded((await get("take", { project: key })).body)));
       if (keys !== this.keys.join("&")) return;
+      if (keys === LIVE) return this.#follow(found[0].takes);
       this.facts = found[0].studio;
       wanted.forEach(({ key }, k) => (this.versions[key] = found[k].studio.version));
       const shown = found.map(({ takes: [take], studio }) => ({ ...take, marks: studio.marks }));
@@ -163,6 +170,12 @@ export class Studio {
     });
     this.fetching = false;
     this.#refresh();
+  }
+
+  #follow(takes) {
+    this.mount(takes);
+    this.live = new Live(this.casts[0], () => this.player.seek(0));
+    this.#draw();
   }
 
   // What is drawn of it.
@@ -176,8 +189,11 @@ export class Studio {
       (this.card.hidden ? this.top : this.card.lastChild).after(this.said);
     }
     this.#drawList();
-    for (const part of [this.work, this.verdict, ...Object.values(this.fold)]) part.hidden = !line;
-    if (line) this.#drawWork(line);
+    const streams = this.keys[0] === LIVE;
+    this.stream.hidden = !streams;
+    document.body.classList.toggle("streams", streams);
+    for (const part of [this.work, this.verdict, ...Object.values(this.fold)]) part.hidden = !line || streams;
+    if (line && !streams) this.#drawWork(line);
   }
 
   #drawList() {
