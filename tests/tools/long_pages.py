@@ -111,10 +111,8 @@ def long_studio(robot: Robot, folder: Path) -> tuple[Studio, str]:
     for key in keys:
         place = folder / "studio" / key.rpartition("/")[0]
         place.mkdir(parents=True, exist_ok=True)
-        project = Project(
-            key, place / key.rpartition("/")[2].partition("@")[0], str(robot.path), "robot", studio.changed
-        )
-        project.robot, project.motion = load_robot("op3"), read_motion(SAMPLES / "wave.bvh")
+        clip = place / key.rpartition("/")[2].partition("@")[0], read_motion(SAMPLES / "wave.bvh")
+        project = Project(key, clip, (str(robot.path), load_robot("op3")), "robot", studio.changed)
         project.editor = TakeEditor(take_of(played, robot, report=report if key == keys[0] else None), None)
         project.work.state = "solved"
         studio.projects[key] = project

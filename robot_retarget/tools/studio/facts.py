@@ -30,13 +30,13 @@ def facts_of(project: "Project", take: Take) -> dict[str, Any]:
     return {
         "solved": project.editor is not None,
         "keypoints": _keypoints(project),
-        "joints": list(project.motion.skeleton.names) if project.motion else [],
+        "joints": list(project.motion.skeleton.names),
         "bodies": [take.robot.model.body(k).name for k in range(1, take.robot.model.nbody)],
         "choices": project.choices,
         "allowed": ALLOWED,
         "kinds": _kinds(project),
         "marks": marks_of(project, take) if project.editor else [],
-        "notes": list(project.result.notes if project.result else project.motion.notes if project.motion else ()),
+        "notes": list(project.result.notes if project.result else project.motion.notes),
         "verdict": _verdict(report) if report else None,
         "formats": {name: f"{kind.description}; for {kind.readers}" for name, kind in FORMATS.items()},
         "commands": project.commands(),
@@ -46,21 +46,16 @@ def facts_of(project: "Project", take: Take) -> dict[str, Any]:
 def _keypoints(project: "Project") -> list[dict[str, str]]:
     """Return each keypoint with the joint of the human and the body of the robot that it is, and how sure that is."""
     motion, robot = project.motion, project.robot
-    if motion is None or robot is None:
-        return []
     found, names = match(motion, robot, project.map_file), motion.skeleton.names
     rows = []
     for keypoint in KEYPOINTS:
         mark, site = found.recognition.marks.get(keypoint), found.anatomy.sites.get(keypoint)
-        rows.append(
-            {
-                "name": keypoint,
-                "human": " + ".join(names[j] for j in mark.joints) if mark else "",
-                "human_sure": sureness(mark.confidence) if mark else "missing",
-                "robot": robot.model.body(site.body).name if site else "",
-                "robot_sure": sureness(site.confidence) if site else "missing",
-            }
-        )
+        row = {"name": keypoint, "human": "", "human_sure": "missing", "robot": "", "robot_sure": "missing"}
+        if mark:
+            row |= {"human": " + ".join(names[j] for j in mark.joints), "human_sure": sureness(mark.confidence)}
+        if site:
+            row |= {"robot": robot.model.body(site.body).name, "robot_sure": sureness(site.confidence)}
+        rows.append(row)
     return rows
 
 
@@ -76,28 +71,21 @@ def marks_of(project: "Project", take: Take) -> list[dict[str, Any]]:
     found = list[tuple[str, int, int, str]]()
     if take.solution is not None:
         found += [("edge missed", min(e.frames), max(e.frames), e.sentence) for e in take.solution.unmet[:MOST]]
-        found += [
-            ("jump", frame, frame, f"{joint} turns by {np.degrees(step):+.0f}° in a frame")
-            for joint, frame, step in take.solution.jumps()[:MOST]
-        ]
-        found += [
-            ("costly edge", e.frame, e.frame, f"{e.name}: {100 * e.measured:.1f} cm, target {100 * e.target:.1f} cm")
-            for e in take.solution.costliest(3)
-        ]
+        for joint, frame, step in take.solution.jumps()[:MOST]:
+            found.append(("jump", frame, frame, f"{joint} turns by {np.degrees(step):+.0f}° in a frame"))
+        for e in take.solution.costliest(3):
+            said = f"{e.name}: {100 * e.measured:.1f} cm, target {100 * e.target:.1f} cm"
+            found.append(("costly edge", e.frame, e.frame, said))
     middle, half = (robot.lower + robot.upper) / 2, np.maximum((robot.upper - robot.lower) / 2, 1e-9)
     at_end = np.abs(trajectory.angles - middle) > AT_END * half
     spans = [(robot.joint_names[k], *span) for k in range(at_end.shape[1]) for span in intervals(at_end[:, k])]
     spans.sort(key=lambda span: span[1] - span[2])
-    found += [
-        ("joint limit", first, stop - 1, f"{name} is at the end of its range") for name, first, stop in spans[:MOST]
-    ]
+    for name, first, stop in spans[:MOST]:
+        found.append(("joint limit", first, stop - 1, f"{name} is at the end of its range"))
     for event in take.warnings.events if take.warnings else ():
         if event.contact is not None:
             found.append(("contact", event.contact, event.last, f"{' and '.join(event.pair)} touch"))
-    return [
-        {"kind": kind, "from": round(first / fps, 3), "to": round(last / fps, 3), "said": said}
-        for kind, first, last, said in found
-    ]
+    return [{"kind": kind, "from": a / fps, "to": b / fps, "said": said} for kind, a, b, said in found]
 
 
 def _verdict(report: Report) -> dict[str, Any]:

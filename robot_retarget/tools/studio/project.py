@@ -8,19 +8,21 @@ from shutil import make_archive
 from tempfile import TemporaryDirectory, mkdtemp
 from threading import Lock
 from time import monotonic
-from typing import Any, get_args
+from typing import Any, cast, get_args
 
 import numpy as np
 
 import robot_retarget as rr
 from robot_retarget.base.choices import Balance, Legs, Preset
 from robot_retarget.base.errors import RobotRetargetError, UsageError, known
+from robot_retarget.base.files import write_text
 from robot_retarget.base.untrusted.documents import NAMES
 from robot_retarget.collision import warnings_of
 from robot_retarget.edit.cuts import trimmed
 from robot_retarget.edit.touchup import Session, graph_of
 from robot_retarget.formats import FORMATS
 from robot_retarget.graph.edits import Edit, edited, write_edits
+from robot_retarget.human.match import read_map
 from robot_retarget.judge.cures import PROGRAM, Origin
 from robot_retarget.judge.rollout import mode_of
 from robot_retarget.tools.cli.run import save_judged
@@ -30,15 +32,9 @@ from robot_retarget.tools.view.web.take import Take, Viewer, human_of, take_of
 from robot_retarget.trajectory import Trajectory
 
 ALLOWED: dict[str, tuple[str, ...]] = {
-    "balance": get_args(Balance),
-    "legs": get_args(Legs),
-    "favour": ("balanced", *(preset for preset in get_args(Preset) if preset != "balanced")),
-    "speed": ("1", "0.8", "0.6"),
-    "fps": ("",),
-    "trim": ("",),
-    "feedback": ("", "off"),
-    "objects": ("carried", "free"),
-}
+    "balance": get_args(Balance), "legs": get_args(Legs), "favour": ("balanced", "directions", "distances"),
+    "speed": ("1", "0.8", "0.6"), "fps": ("",), "trim": ("",), "feedback": ("", "off"), "objects": ("carried", "free"),
+}  # fmt: skip
 """Choices of a project and the values that the page offers, the default first; cures set others of `speed`, `fps` and `trim`."""
 FREE = {"speed", "fps", "trim"}
 """Choices of any number, or of two with a colon."""
@@ -77,25 +73,32 @@ class Project:
 
     Args:
         key: its name, in the page and in the folder.
-        motion_file: the clip.
-        model: the robot as `load_robot` takes it.
+        clip: the file of the motion, and the motion.
+        model: the robot as `load_robot` takes it, and the robot.
         name: of the robot on the page.
         changed: is called after every change that the page shows.
     """
 
-    def __init__(self, key: str, motion_file: Path, model: str, name: str, changed: Callable[[], None]) -> None:
-        self.key, self.motion_file, self.model, self.name, self._changed = key, motion_file, model, name, changed
-        self.place: Path = motion_file.parent / name
+    def __init__(
+        self,
+        key: str,
+        clip: tuple[Path, rr.Motion],
+        model: tuple[str, rr.Robot],
+        name: str,
+        changed: Callable[[], None],
+    ) -> None:
+        self.key, self.name, self._changed = key, name, changed
+        (self.motion_file, self.motion), (self.model, self.robot) = clip, model
+        self.place: Path = self.motion_file.with_name(f"{self.motion_file.stem}-{name}")
         self.choices: dict[str, str] = {name: values[0] for name, values in ALLOWED.items()}
         self.dropped: list[str] = []
         """Kinds of edges that are off."""
+        self._before = self.choices, self.dropped
         self.work: Work = Work()
         self.version: int = 0
         """Number of the picture."""
         self.editor: TakeEditor | None = None
         self.result: rr.Result | None = None
-        self.motion: rr.Motion | None = None
-        self.robot: rr.Robot | None = None
         self._lock = Lock()
 
     # Files of the project.
@@ -108,84 +111,58 @@ class Project:
     @property
     def map_file(self) -> Path | None:
         """The map of keypoints, if there is one."""
-        return self._existing("map.toml")
-
-    @property
-    def edges_file(self) -> Path | None:
-        """The kinds of edges that are off, if there are any."""
-        return self._existing("edges.toml") if self.dropped else None
-
-    def _existing(self, name: str) -> Path | None:
-        return path if (path := self.place / name).exists() else None
+        return path if (path := self.place / "map.toml").exists() else None
 
     # Steps. Each runs in a thread of its own and ends in a state.
 
-    def open(self, robot: rr.Robot, motion: rr.Motion) -> None:
+    def open(self) -> None:
         """Show the human beside the standing robot.
 
         Raises:
             MatchError: the motion is not human, or the robot no humanoid.
         """
-        self.robot, self.motion = robot, motion
-        found = rr.match(motion, robot, self.map_file)
+        human = human_of(rr.match(self.motion, self.robot, self.map_file), self.motion)
         self.waits()
         self.editor, self.result = None, None
-        standing = np.repeat(robot.standing()[None], len(motion), axis=0)
-        self._show(self._take(standing, motion, human_of(found, motion)))
+        self._show(self._take(np.repeat(self.robot.standing()[None], len(self.motion), axis=0), human))
 
-    def _take(self, qpos: np.ndarray, motion: rr.Motion, human: Any) -> Take:
-        assert self.robot is not None
+    def _take(self, qpos: np.ndarray, human: Any) -> Take:
         names = self.robot.joint_names, self.robot.name
-        return Take(self.robot, Trajectory(qpos, motion.fps, *names, source=self.motion_file.name), human)
+        return Take(self.robot, Trajectory(qpos, self.motion.fps, *names, source=self.motion_file.name), human)
 
     def solve(self, work: Work) -> None:
         """Solve the clip: a draft of the stream's solver first, then as `solve` (and `edit retime`, `edit cut`) do."""
-        robot, motion, choices = self.robot, self.motion, self.choices
-        if robot is None or motion is None:
-            raise UsageError("the clip is not read yet")
+        robot, motion, choices, over = self.robot, self.motion, self.choices, self.map_file
         self._reach(work, "solving")
         before = None if self.editor is None else self.editor.take.trajectory
-        self.editor, self.result = None, None
-        if before is None and self.map_file is None:
+        if before is None and over is None:
             self._draft(work)
-        graph = rr.describe(
-            motion,
-            robot,
-            overrides=self.map_file,
-            preset=choices["favour"],  # pyright: ignore[reportArgumentType]
-            fps=float(choices["fps"]) if choices["fps"] else None,
-        )
+        fps, preset = float(choices["fps"]) if choices["fps"] else None, cast(Preset, choices["favour"])
+        graph = rr.describe(motion, robot, overrides=over, preset=preset, fps=fps)
         graph = edited(graph, [Edit("drop", {"kind": kind}) for kind in self.dropped])
         how: dict[str, Any] = {"balance": choices["balance"], "progress": self._progress(work)}
-        result = rr.solve(graph, legs=choices["legs"], **how)  # pyright: ignore[reportArgumentType]
-        trajectory, human = result.trajectory, human_of(result.match, result.motion)
-        if slower := choices["speed"] != "1":
+        result = rr.solve(graph, legs=cast(Legs, choices["legs"]), **how)
+        trajectory, warned = result.trajectory, len(result.trajectory) > 1
+        take = Take(robot, trajectory, human_of(result.match, result.motion), result.warnings if warned else None)
+        take = replace(take, solution=result.solution)
+        if choices["speed"] != "1":
             trajectory = rr.sequence([trajectory], robot, speed=float(choices["speed"]), **how).trajectory
         if choices["trim"]:
-            start, stop = choices["trim"].split(":")
-            trajectory = trimmed(trajectory, float(start), float(stop))
+            trajectory = trimmed(trajectory, *map(float, choices["trim"].split(":")))
+        if trajectory is not take.trajectory:
+            take = take_of(trajectory, robot, motion, overrides=over)
         self._go_on(work)
         self.place.mkdir(exist_ok=True)
         trajectory.save(self.trajectory_file)
-        session = Session(
-            graph_of(motion, robot, trajectory, self.map_file),
-            trajectory,
-            self.place / "EDITS.toml",
-            self.place / "mended.npz",
-        )
-        if slower or choices["trim"]:
-            take = take_of(trajectory, robot, motion, overrides=self.map_file)
-        else:
-            warnings = result.warnings if len(trajectory) > 1 else None
-            take = Take(robot, trajectory, human, warnings, solution=result.solution)
+        files = self.place / "EDITS.toml", self.place / "mended.npz"
+        session = Session(graph_of(motion, robot, trajectory, over), trajectory, *files)
         alike = before is not None and len(before) == len(trajectory)
-        self.result = result
+        self.result, self._before = result, (choices, self.dropped)
         self.editor = TakeEditor(replace(take, before=before if alike else None), session)
         self._reach(work, "solved")
 
     def _draft(self, work: Work) -> None:
         """Show what the solver of streams makes of the clip: it is causal, and takes milliseconds a frame."""
-        assert self.robot is not None and self.motion is not None
         motion, first = self.motion, self.take
         qpos, shown = np.array(first.trajectory.qpos), monotonic()
         for frame, pose in enumerate(rr.stream(self.robot, motion, native=False)):
@@ -193,7 +170,7 @@ class Project:
             self._progress(work)(0, 1)
             if monotonic() - shown > DRAFT or frame + 1 == len(motion):
                 shown = monotonic()
-                self._show(self._take(qpos.copy(), motion, first.human))
+                self._show(self._take(qpos.copy(), first.human))
 
     def judge(self, work: Work) -> None:
         """Simulate what is shown, as `simulate` does, and store goals and report.
@@ -201,19 +178,13 @@ class Project:
         Raises:
             UsageError: nothing is solved yet.
         """
-        editor, robot = self._solved(), self.robot
+        editor, choices = self._solved(), self.choices
         self._reach(work, "judging")
         played = editor.take.trajectory
-        assert robot is not None
-        report = rr.simulate(
-            played,
-            robot,
-            mode=mode_of(played),
-            warnings=warnings_of(played, robot) if len(played) > 1 else None,
-            feedback=False if self.choices["feedback"] else None,
-            objects=self.choices["objects"],  # pyright: ignore[reportArgumentType]
-            progress=self._progress(work),
-        )
+        warnings = warnings_of(played, self.robot) if len(played) > 1 else None
+        how: dict[str, Any] = {"objects": choices["objects"], "feedback": False if choices["feedback"] else None}
+        progress = self._progress(work)
+        report = rr.simulate(played, self.robot, mode=mode_of(played), warnings=warnings, progress=progress, **how)
         path = self.written(editor)
         origin = Origin(str(path), self.model, str(self.motion_file), judge=shlex.join(self._judging()))
         report = replace(report, origin=origin)
@@ -246,7 +217,7 @@ class Project:
                 raise UsageError(f"no choice {name!r}; {known(ALLOWED, typed=name)}")
             if str(value) not in ALLOWED[name] and not (name in FREE and _numbers(str(value))):
                 raise UsageError(f"{name}: {known(ALLOWED[name], typed=value)}, got {value!r}")
-        self.choices |= {name: str(value) for name, value in choices.items()}
+        self.choices = self.choices | {name: str(value) for name, value in choices.items()}
 
     def cure(self, command: str) -> None:
         """Set the choices that a cure's command names; a speed is a factor of the present one."""
@@ -269,17 +240,13 @@ class Project:
         """
         import tomlkit
 
-        from robot_retarget.base.files import write_text
-        from robot_retarget.human.match import read_map
-
-        if body not in ("human", "robot") or self.motion is None or self.robot is None:
+        if body not in ("human", "robot"):
             raise UsageError("a keypoint is the human's or the robot's")
-        known_map = {key: dict(table) for key, table in read_map(self.map_file).items()} if self.map_file else {}
-        line = str(where) if body == "human" else [str(where), 0.0, 0.0, 0.0]
-        known_map.setdefault(body, {})[keypoint] = line
+        tables = {key: dict(table) for key, table in read_map(self.map_file).items()} if self.map_file else {}
+        tables.setdefault(body, {})[keypoint] = str(where) if body == "human" else [str(where), 0.0, 0.0, 0.0]
         self.place.mkdir(exist_ok=True)
         with TemporaryDirectory() as scratch:
-            tried = write_text(Path(scratch) / "map.toml", tomlkit.dumps(known_map))
+            tried = write_text(Path(scratch) / "map.toml", tomlkit.dumps(tables))
             rr.match(self.motion, self.robot, tried)
             write_text(self.place / "map.toml", tried.read_text(encoding="utf-8"))
 
@@ -319,8 +286,11 @@ class Project:
 
     def ended(self, work: Work, error: BaseException) -> None:
         """End a work with an error: in the state before it, or in one that says the error."""
+        if work is not self.work:
+            return
         if isinstance(error, StoppedError):
             work.state = "stopped" if self.editor is None else "solved"
+            self.choices, self.dropped = self._before  # of what is shown
         else:
             mistake = isinstance(error, RobotRetargetError)
             work.state = "failed"
@@ -374,53 +344,35 @@ class Project:
 
     def commands(self) -> list[str]:
         """Return the commands that do the same in a shell."""
-        path, choices, robot = self.trajectory_file, self.choices, ["--robot", self.model]
-        solve = ["solve", str(self.motion_file), *robot]
-        for option, file in (("--map", self.map_file), ("--edges", self.edges_file)):
-            solve += [option, str(file)] if file else []
-        solve += _given(choices, ("balance", "legs", "favour", "fps"))
-        lines = [["mkdir", "-p", str(self.place)], [PROGRAM, *solve, "-o", str(path)]]
+        choices, session = self.choices, self.editor and self.editor.session
+        path, mended = str(self.trajectory_file), str(self.place / "mended.npz")
+        robot, over = ["--robot", self.model], ["--map", str(self.map_file)] if self.map_file else []
+        edges = ["--edges", str(self.place / "edges.toml")] if self.dropped else []
+        how = _given(choices, "balance", "legs", "favour", "fps")
+        lines = [["solve", str(self.motion_file), *robot, *over, *edges, *how, "-o", path]]
         if choices["speed"] != "1":
-            more = _given(choices, ("balance",))
-            lines.append(
-                [PROGRAM, "edit", "retime", str(path), *robot, "--speed", choices["speed"], *more, "-o", str(path)]
-            )
+            more = ["--speed", choices["speed"], *_given(choices, "balance")]
+            lines.append(["edit", "retime", path, *robot, *more, "-o", path])
         if choices["trim"]:
-            lines.append([PROGRAM, "edit", "cut", str(path), *robot, "--trim", choices["trim"], "-o", str(path)])
-        if self.editor is not None and self.editor.session is not None and self.editor.session.edits:
-            mended, edits = str(self.place / "mended.npz"), str(self.place / "EDITS.toml")
-            using = ["--map", str(self.map_file)] if self.map_file else []
-            lines.append(
-                [
-                    PROGRAM,
-                    "edit",
-                    "mend",
-                    str(path),
-                    *robot,
-                    "--motion",
-                    str(self.motion_file),
-                    "--edges",
-                    edits,
-                    *using,
-                    "-o",
-                    mended,
-                ]
-            )
-            path = Path(mended)
-        lines.append([PROGRAM, "simulate", str(path), *self._judging()])
-        lines.append([PROGRAM, "export", str(path), *robot, "--format", "csv", "-o", str(path.with_suffix(".csv"))])
-        return [shlex.join(line) for line in lines]
+            lines.append(["edit", "cut", path, *robot, "--trim", choices["trim"], "-o", path])
+        if session and session.edits:
+            made = ["--motion", str(self.motion_file), "--edges", str(self.place / "EDITS.toml"), *over]
+            lines.append(["edit", "mend", path, *robot, *made, "-o", mended])
+            path = mended
+        csv = str(Path(path).with_suffix(".csv"))
+        lines += [["simulate", path, *self._judging()], ["export", path, *robot, "--format", "csv", "-o", csv]]
+        return [shlex.join(["mkdir", "-p", str(self.place)]), *(shlex.join([PROGRAM, *line]) for line in lines)]
 
     def _judging(self) -> list[str]:
         more = ["--no-feedback"] if self.choices["feedback"] else []
-        return ["--robot", self.model, *more, *_given(self.choices, ("objects",))]
+        return ["--robot", self.model, *more, *_given(self.choices, "objects")]
 
 
 DRAFT = 0.7
 """Interval of the pictures of a draft [s]."""
 
 
-def _given(choices: Mapping[str, str], names: tuple[str, ...]) -> list[str]:
+def _given(choices: Mapping[str, str], *names: str) -> list[str]:
     """Return the options of choices that are not the default."""
     return [word for name in names if choices[name] != ALLOWED[name][0] for word in (f"--{name}", choices[name])]
 

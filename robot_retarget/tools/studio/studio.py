@@ -10,6 +10,7 @@ from pathlib import Path
 from threading import Condition, Lock
 from typing import Any
 
+from anyio import sleep
 from anyio.to_thread import run_sync
 from starlette.background import BackgroundTask
 from starlette.exceptions import HTTPException
@@ -22,8 +23,9 @@ from robot_retarget.base.errors import RobotRetargetError, UsageError, known
 from robot_retarget.base.files import SAMPLES, folder
 from robot_retarget.base.untrusted.limits import is_zip
 from robot_retarget.robot import recognise, shipped_robots
+from robot_retarget.tools.cli.options import DEFAULT_ROBOT, MODELS
 from robot_retarget.tools.studio.project import Project, Work
-from robot_retarget.tools.studio.uploads import MODELS, motions_within, place_for, plain_name, robot_model, unpacked_zip
+from robot_retarget.tools.studio.uploads import motions_within, place_for, plain_name, robot_model, unpacked_zip
 from robot_retarget.tools.view.web import serve as web
 from robot_retarget.tools.view.web.editor import TakeEditor, touch_routes
 from robot_retarget.tools.view.web.live import LiveRobot, live_routes
@@ -74,10 +76,9 @@ class Studio:
             return self._loaded[model]
 
     def _motion(self, path: Path) -> rr.Motion:
-        with self._lock:
-            if path not in self._read:
-                self._read[path] = rr.read_motion(path)
-            return self._read[path]
+        if path not in self._read:
+            self._read[path] = rr.read_motion(path)
+        return self._read[path]
 
     def project(self, key: str) -> Project:
         """Return a project.
@@ -98,11 +99,12 @@ class Studio:
         """
         if robot not in self.robots:
             raise UsageError(f"no robot {robot!r}; {known(self.robots, typed=robot)}")
-        key = f"{motion.parent.name}/{motion.name}@{robot}"
+        key = f"{motion.relative_to(self.place)}@{robot}"
         if key in self.projects:
             return self.projects[key]
-        project = Project(key, motion, self.robots[robot], robot, self.changed)
-        project.open(self.robot(project.model), self._motion(motion))
+        model = self.robots[robot]
+        project = Project(key, (motion, self._motion(motion)), (model, self.robot(model)), robot, self.changed)
+        project.open()
         self.projects[key] = project
         self.begin(project, project.solve)
         return project
@@ -139,43 +141,57 @@ class Studio:
                 self.begin(project, project.solve, project.judge)
             case "mend":
                 project.mend(*(value if isinstance(value, list) and len(value) == 3 else ("", "", "")))
-                project.open(self.robot(project.model), self._motion(project.motion_file))
+                project.open()
                 self.begin(project, project.solve)
             case "kinds":
                 project.keep_kinds(value if isinstance(value, list) else [])
                 self.begin(project, project.solve)
             case "stop":
                 project.work.stop = True
-                self.changed()
             case "remove":
-                project.work.stop = True
-                self.projects.pop(project.key, None)
-                self.changed()
+                project.work.stop = bool(self.projects.pop(project.key, None))
             case _:
                 raise UsageError(f"a project does not {what!r}")
+        self.changed()
 
     # Files from the page, and from the command line.
 
-    def bring(self, clip: Path, robot: str) -> None:
+    def bring(self, path: Path, robot: str) -> None:
         """Add a clip, or the clips of a folder, that lie elsewhere: each is copied into a folder of its own.
 
         Raises:
-            RobotRetargetError: the only clip, or the robot, cannot be read; of a folder, the clips that are none are left out.
+            RobotRetargetError: the robot or the clip cannot be read; of a folder, none of its files can.
         """
         if robot not in self.robots:
             recognise(self.robot(robot))
             self.robots[robot] = robot
-        for path in sorted(each for each in clip.rglob("*") if each.is_file()) if clip.is_dir() else [clip]:
-            copied = place_for(self.place, path.name) / plain_name(path.name)
+        files = sorted(each for each in path.rglob("*") if each.is_file()) if path.is_dir() else [path]
+        self._each(files, lambda file: self.taken(self._copied(file), robot))
+
+    def _copied(self, file: Path) -> Path:
+        copied = place_for(self.place, file.name) / plain_name(file.name)
+        try:
+            shutil.copyfile(file, copied)
+        except OSError as error:
+            shutil.rmtree(copied.parent)
+            raise UsageError(f"cannot read {file}: {error.strerror}") from error
+        return copied
+
+    def _each(self, files: list[Path], take: Callable[[Path], Any]) -> list[str]:
+        """Take files; return the reasons of those that are left out.
+
+        Raises:
+            RobotRetargetError: all are.
+        """
+        wrong = list[RobotRetargetError]()
+        for file in files:
             try:
-                shutil.copyfile(path, copied)
-                self.taken(copied, robot)
-            except (RobotRetargetError, OSError) as error:
-                shutil.rmtree(copied.parent, ignore_errors=True)
-                if not clip.is_dir():
-                    raise (
-                        error if isinstance(error, RobotRetargetError) else UsageError(f"cannot read {path}")
-                    ) from error
+                take(file)
+            except RobotRetargetError as error:
+                wrong.append(error)
+        if len(wrong) == len(files) and wrong:
+            raise wrong[0]
+        return [str(error) for error in wrong]
 
     def taken(self, path: Path, robot: str) -> dict[str, Any]:
         """Take a file that was dropped: a robot to choose from, or clips on a robot.
@@ -187,29 +203,25 @@ class Studio:
             unpacked = unpacked_zip(path) if is_zip(path) and path.suffix.lower() == ".zip" else None
             model = robot_model(unpacked) if unpacked else path if path.suffix.lower() in MODELS else None
             if model is not None:
-                return self._robot_from(model, path.stem)
-            keys = [self.add(clip, robot).key for clip in (motions_within(unpacked) if unpacked else [path])]
-            return {"projects": keys}
+                recognise(self.robot(str(model)))
+                self.robots[path.stem] = str(model)
+                self.changed()
+                return {"robot": path.stem}
+            keys = list[str]()
+            clips = motions_within(unpacked) if unpacked else [path]
+            left_out = self._each(clips, lambda clip: keys.append(self.add(clip, robot).key))
+            return {"projects": keys, "left_out": left_out}
         except RobotRetargetError:
             shutil.rmtree(path.parent, ignore_errors=True)
             raise
-
-    def _robot_from(self, model: Path, name: str) -> dict[str, Any]:
-        recognise(self.robot(str(model)))
-        self.robots[name] = str(model)
-        self.changed()
-        return {"robot": name}
 
     # What the page asks for.
 
     def lines(self) -> bytes:
         """Return what pages list, as an event."""
-        facts = {
-            "projects": [project.line() for project in [*self.projects.values()]],
-            "robots": list(self.robots),
-            "live": self.following is not None,
-            "samples": sorted(path.name for path in SAMPLES.glob("*.bvh")),
-        }
+        projects = [project.line() for project in [*self.projects.values()]]
+        samples = sorted(path.name for path in SAMPLES.glob("*.bvh"))
+        facts = {"projects": projects, "robots": [*self.robots], "live": self.following is not None, "samples": samples}
         return b"data: " + json.dumps(facts).encode() + b"\n\n"
 
     def _next(self, seen: int) -> int:
@@ -218,8 +230,6 @@ class Studio:
             return self._changes
 
     async def _events(self) -> AsyncIterator[bytes]:
-        from anyio import sleep
-
         seen = -1
         while True:
             seen = await run_sync(self._next, seen)
@@ -249,8 +259,7 @@ class Studio:
         """Solve the performer's motion of a take, as any clip."""
         if self.following is None or not take.get("motion"):
             return take
-        model, copied = self.following.robot, place_for(self.place, take["motion"]) / Path(take["motion"]).name
-        shutil.copyfile(take["motion"], copied)
+        model, copied = self.following.robot, self._copied(Path(take["motion"]))
         name = next((name for name in self.robots if name == model.name), str(model.path))
         self.robots.setdefault(name, name)
         self._loaded.setdefault(self.robots[name], model)
@@ -270,8 +279,7 @@ class Studio:
         if of:
             motion = self.project(of).motion_file
         elif (SAMPLES / plain_name(sample)).is_file():
-            motion = place_for(self.place, sample) / plain_name(sample)
-            shutil.copyfile(SAMPLES / motion.name, motion)
+            motion = self._copied(SAMPLES / plain_name(sample))
         else:
             raise UsageError(f"no sample {sample!r}")
         project = await run_sync(self.add, motion, robot)
@@ -281,8 +289,7 @@ class Studio:
         name, robot = plain_name(request.query_params.get("name", "")), request.query_params.get("robot", "")
         if int(request.headers.get("content-length", 0)) > web.LARGEST:
             raise HTTPException(413, _too_large(name))
-        path = place_for(self.place, name) / name
-        size = 0
+        path, size = place_for(self.place, name) / name, 0
         try:
             with path.open("wb") as file:
                 async for piece in request.stream():
@@ -305,7 +312,7 @@ class Studio:
         Raises:
             UsageError: the port is taken, or may not be used.
         """
-        self._pool.submit(self.robot, "op3")  # the robot that is offered first is there before the first clip
+        self._pool.submit(self.robot, DEFAULT_ROBOT)  # the robot that is offered first is there before the first clip
         routes = [
             Route("/events", self._show_events),
             Route("/take", self._show_take),

@@ -8,9 +8,8 @@ from zipfile import ZipInfo
 from robot_retarget.base.errors import FileError, UsageError
 from robot_retarget.base.files import folder
 from robot_retarget.base.untrusted.limits import LIMITS, opened_member, opened_zip
+from robot_retarget.tools.cli.options import MODELS
 
-MODELS = (".xml", ".mjcf", ".urdf")
-"""Ends of the names of robot models."""
 MEMBERS = 5000
 """Most files of a zip [-]: a humanoid with all its meshes has a few hundred."""
 CHUNK = 1 << 20

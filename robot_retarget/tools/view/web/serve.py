@@ -78,18 +78,9 @@ class Served:
 
     @cached_property
     def _server(self) -> Server:
-        return Server(
-            Config(
-                self.app,
-                http=InTime,
-                ws="none",
-                lifespan="off",
-                log_level="critical",
-                access_log=False,
-                server_header=False,
-                timeout_graceful_shutdown=1,
-            )
-        )
+        how: dict[str, Any] = {"log_level": "critical", "access_log": False, "server_header": False}
+        how |= {"timeout_graceful_shutdown": 1}  # a page that follows events keeps its connection open
+        return Server(Config(self.app, http=InTime, ws="none", lifespan="off", **how))
 
     def forever(self) -> None:
         """Serve until the process is interrupted, or `close`."""

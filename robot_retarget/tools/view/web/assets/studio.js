@@ -115,8 +115,9 @@ export class Studio {
     this.#came(await (await post("add", what)).json());
   }
 
-  async #came({ projects, robot }) {
-    if (projects) location.hash = projects[0];
+  async #came({ projects, robot, left_out }) {
+    if (projects) location.hash = encodeURIComponent(projects[0]);
+    if (left_out?.length) this.#say(`Left out: ${left_out.join("; ")}`, true);
     if (!robot) return;
     this.robot.append(made("option", { value: robot, textContent: robot }));
     this.robot.value = robot;
