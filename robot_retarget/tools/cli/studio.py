@@ -18,9 +18,9 @@ class StudioOptions:
     browser: bool = option("Open a browser, if there is a display.", default=True)
 
 
-@command(epilog="Example: robot-retarget studio")
+@command(epilog="Example: robot-retarget studio dance.bvh --robot op3")
 def studio(how: StudioOptions, printing: opt.PrintOptions) -> None:
-    """Open a page: drop a clip, choose a robot, see, correct, judge, export.
+    """Retarget, correct, judge and export on a page.
 
     Motions and robots are dropped into the page, which only this machine can open.
     """

@@ -22,7 +22,7 @@ def plain_name(name: str) -> str:
 
 
 def place_for(studio: Path, name: str) -> Path:
-    """Make a folder of its own for a file: `walk`, `walk_2`, …"""
+    """Make a folder of its own for a file, with its name, and a number where there is such a folder."""
     stem = PurePosixPath(name).stem
     number = next(k for k in range(1, 10**6) if not (studio / _numbered(stem, k)).exists())
     return folder(studio / _numbered(stem, number))
