@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 from robot_retarget.judge.report import Report
 from robot_retarget.judge.verdict import CHECKS
 from robot_retarget.judge.worlds import NOMINAL
-from robot_retarget.scores.figure import shown
+from robot_retarget.scores.figure import shown, shown_apart
 from robot_retarget.scores.likeness import UNLIKE, compared_figures
 
 
@@ -99,12 +99,15 @@ def judged_lines(report: Report) -> list[Line]:
     for check in (*CHECKS, *UNLIKE):
         value, most = figures.get(check.figure), getattr(report.thresholds, check.threshold)
         if value is not None:
-            lines.append(Line(value <= most, check.what, shown(value, check.unit), shown(most, check.unit)))
+            held = value <= most
+            texts = (
+                (shown(value, check.unit), shown(most, check.unit)) if held else shown_apart(value, most, check.unit)
+            )
+            lines.append(Line(held, check.what, *texts))
     if figures.get("plan_margin_m") is not None:
         margin, least = figures["plan_margin_m"], report.thresholds.zmp_margin
-        lines.append(
-            Line(margin >= least, "least margin of the plan", shown(margin, "m"), f"at least {shown(least, 'm')}")
-        )
+        own, most = shown_apart(margin, least, "m")
+        lines.append(Line(margin >= least, "least margin of the plan", own, f"at least {most}"))
     return lines
 
 

@@ -78,6 +78,16 @@ def shown(value: float | str, unit: str) -> str:
     return f"{factor * value + 0.0:.3g}{'' if name == '°' or not name else ' '}{name}"
 
 
+def shown_apart(value: float, bound: float, unit: str) -> tuple[str, str]:
+    """Return a figure and its limit in a common unit; where both texts are the same, the limit has the difference: `11.5° by 0.02°`."""
+    texts = shown(value, unit), shown(bound, unit)
+    return (
+        texts
+        if value == bound or texts[0] != texts[1]
+        else (texts[0], f"{texts[1]} by {shown(abs(value - bound), unit)}")
+    )
+
+
 NEAR = 0.1
 """By definition, a figure is near its limit within this share of the limit, on either side [-]."""
 
@@ -106,8 +116,6 @@ class Check(NamedTuple):
     def reason(self, figures: Mapping[str, Any], most: Any) -> str:
         """Return the sentence of a figure."""
         value, bound = figures[self.figure], getattr(most, self.threshold)
-        number = UNITS.get(self.unit, (1.0, ""))[0] * value
-        texts = {"what": self.what, "value": shown(value, self.unit), "bound": shown(bound, self.unit)}
-        if texts["value"] == texts["bound"]:
-            texts["bound"] += f" by {shown(value - bound, self.unit)}"
+        number, texts = UNITS.get(self.unit, (1.0, ""))[0] * value, shown_apart(value, bound, self.unit)
+        texts = {"what": self.what, "value": texts[0], "bound": texts[1]}
         return self.sentence.format(**{**figures, **texts, "number": number})

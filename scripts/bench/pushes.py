@@ -73,12 +73,22 @@ def worlds_at_push(plant: Plant, trajectory: Trajectory, draws: Sequence[Draw], 
     """Return the randomised simulations at the middle of a motion."""
     goals = compensated(plant, trajectory, "free")
     goals = with_feedback(plant, trajectory, goals) if feedback else goals
+    return [next(worlds_at(plant, trajectory, goals, draw, [len(goals) // 2])) for draw in draws]
+
+
+def worlds_at(
+    plant: Plant, trajectory: Trajectory, goals: Goals, draw: Draw, rows: Sequence[int]
+) -> Iterator[PushedWorld]:
+    """Yield copies of one randomised simulation at ascending rows of the goals."""
+    world, how = drawn(plant, draw, Playback())  # its model is its own
+    played = PlayedPlant(world, goals.rate, how.delay)
+    played.place(trajectory.qpos[0], on_floor=True)
     feet = frozenset(feet_of(plant.robot).all_bodies)
-    found = [_begun(plant, trajectory, goals, draw, feet) for draw in draws]
-    for world in found:
-        for _ in range(len(goals) // 2):
-            world.tick(np.zeros(3))
-    return found
+    found = PushedWorld(played, goals, closed_loop(world, goals, how.seed), feet)
+    for row in rows:
+        while found.row < row:
+            found.tick(np.zeros(3))
+        yield found.copy()
 
 
 def pushed(start: PushedWorld, impulse: Floats) -> Iterator[PushedWorld]:
@@ -93,9 +103,9 @@ def pushed(start: PushedWorld, impulse: Floats) -> Iterator[PushedWorld]:
         yield world
 
 
-def survives(start: PushedWorld, impulse: Floats) -> bool:
-    """Return whether a world stays up after a push (3,) [N s]."""
-    ticks = round(AFTER * start.goals.rate)
+def survives(start: PushedWorld, impulse: Floats, after: float = AFTER) -> bool:
+    """Return whether a world stays up for a time [s] after a push (3,) [N s]."""
+    ticks = round(after * start.goals.rate)
     worlds = islice(pushed(start, impulse), CHECKED - 1, ticks, CHECKED)
     return not any(world.fallen() for world in worlds)
 
@@ -119,11 +129,3 @@ def standing(trajectory: Trajectory, seconds: float = 1.0) -> Trajectory:
     frames = round(seconds * trajectory.fps) + 1
     qpos = np.tile(trajectory.qpos[:1], (frames, 1))
     return Trajectory(qpos, trajectory.fps, trajectory.joint_names, trajectory.robot, "stand")
-
-
-def _begun(plant: Plant, trajectory: Trajectory, goals: Goals, draw: Draw, feet: frozenset[int]) -> PushedWorld:
-    """A world before the first goal."""
-    world, how = drawn(plant, draw, Playback())  # its model is its own
-    played = PlayedPlant(world, goals.rate, how.delay)
-    played.place(trajectory.qpos[0], on_floor=True)
-    return PushedWorld(played, goals, closed_loop(world, goals, how.seed), feet)

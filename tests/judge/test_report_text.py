@@ -2,6 +2,8 @@
 
 import pytest
 
+from robot_retarget.judge.report import Report
+from robot_retarget.judge.report_text import judged_lines
 from robot_retarget.judge.verdict import shown
 
 
@@ -11,3 +13,13 @@ from robot_retarget.judge.verdict import shown
 )
 def test_a_figure_is_told_in_a_unit_of_daily_life(value: float, unit: str, told: str) -> None:
     assert shown(value, unit) == told
+
+
+def test_a_limit_that_is_exceeded_by_less_than_is_shown_states_the_difference_in_tables_and_reasons() -> None:
+    known = {"unstable_s": None, "worst_joint_rms_rad": 0.2004, "plan_margin_m": 0.00699, "worst_joint": "l_knee"}
+    report = Report("fail", (), known, "", "op3")
+    tracking, margin = (line for line in judged_lines(report) if not line.held)
+    assert (tracking.value, tracking.most) == ("11.5°", "11.5° by 0.0229°")
+    assert (margin.value, margin.most) == ("6.99 mm", "at least 7 mm")
+    known["plan_margin_m"] = 0.0069999
+    assert judged_lines(report)[-1].most == "at least 7 mm by 0.0001 mm"
