@@ -60,8 +60,6 @@ class KeyframeFile:
     robot: Robot
     page: int = 1
     """The first of its keyframes, of action pages."""
-    servos: str | None = None
-    """Servo map of action pages, by default that of the robot."""
     content: bytes = field(default=b"", repr=False)
 
     @property
@@ -109,7 +107,7 @@ class KeyframeFile:
     @cached_property
     def servo_map(self) -> tuple[ServoMap, dict[str, int]]:
         """The servo map of action pages, and the servo of each joint."""
-        servos = servo_map_of(self.robot, FormatOptions(servos=self.servos))
+        servos = servo_map_of(self.robot, FormatOptions())
         return servos, servo_ids(self.robot, servos)
 
     def save(self) -> Path:
@@ -123,13 +121,12 @@ class KeyframeFile:
         return self.path
 
 
-def keyframe_file(name: str | Path, robot: Robot, servos: str | None = None) -> KeyframeFile:
+def keyframe_file(name: str | Path, robot: Robot) -> KeyframeFile:
     """Return a file of keyframes, without content if it does not exist.
 
     Args:
         name: of the file; `FILE#PAGE` for a page of action pages.
-        robot: the robot whose joints it names.
-        servos: servo map of action pages, by default that of the robot.
+        robot: the robot whose joints it names, with the servo map of action pages.
 
     Raises:
         UsageError: the suffix or the page is unknown.
@@ -141,7 +138,7 @@ def keyframe_file(name: str | Path, robot: Robot, servos: str | None = None) -> 
         raise UsageError(f"{path}: not a file of keyframes by its suffix; {known(LAYOUTS)}")
     if page and not (page.isascii() and page.isdigit() and 0 < int(page) < PAGES):
         raise UsageError(f"{name}: pages are 1 to {PAGES - 1}, got {page!r}")
-    return KeyframeFile(path, robot, int(page or 1), servos, file_bytes(path) if path.exists() else b"")
+    return KeyframeFile(path, robot, int(page or 1), file_bytes(path) if path.exists() else b"")
 
 
 # JSON, as of the animations of the Bit-Bots.

@@ -54,11 +54,13 @@ def read_servo_ticks(source: TrajectorySource) -> Columns:
 
 
 def servo_map_of(robot: Robot, options: FormatOptions) -> ServoMap:
-    """Return the servo map of the options, or the one that ships with the robot.
+    """Return the servo map of the options, that of the robot, or the one that ships with it.
 
     Raises:
-        UsageError: neither is known.
+        UsageError: none is known.
     """
+    if options.servos is None and robot.servo_map is not None:
+        return robot.servo_map
     if options.servos is None and robot.name not in shipped_maps():
         raise UsageError(f"no servo map for {robot.name!r}: give one with --servos; {known(shipped_maps())}")
     return load_map(options.servos or robot.name)

@@ -212,13 +212,13 @@ def keyframes(
     from robot_retarget.edit.keyframes import trajectory_through
 
     model = robot.load(on.servos)
-    source = keyframe_file(file, model, on.servos)
+    source = keyframe_file(file, model)
     if not source.poses:
         raise UsageError(f"{file} has no keyframes" if source.path.exists() else f"there is no file {source.path}")
     if output.suffix == ".npz":
         made, _ = trajectory_through(source.keyframes, model, fps, source.path.name)
         return _write(made, output, printing, made.notes)
-    wrote = keyframe_file(output, model, on.servos).holding([replace(k, step=None) for k in source.keyframes]).save()
+    wrote = keyframe_file(output, model).holding([replace(k, step=None) for k in source.keyframes]).save()
     printing.result({"output": str(wrote), "keyframes": len(source.keyframes)}, f"wrote {wrote}")
 
 

@@ -51,7 +51,7 @@ def taking(wanted: str) -> Callable[[Any], Any]:
         _require("trajectory" if wanted == "playable" else wanted, path, wanted == "playable")
         return path
 
-    return lambda given: [one(path) for path in given] if isinstance(given, list) else one(given)
+    return lambda given: [one(path) for path in given] if isinstance(given, list) else given and one(given)
 
 
 def _require(wanted: str, path: Path, listed: bool) -> None:

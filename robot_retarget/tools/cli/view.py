@@ -32,10 +32,12 @@ class DrawOptions:
 
 
 @options
-class ViewOptions(opt.ForceOptions, opt.LimitOptions, opt.MapOptions, opt.ReadOptions):
+class ViewOptions(opt.ForceOptions, opt.LimitOptions, opt.ServoOptions, opt.MapOptions, opt.ReadOptions):
     """Trajectories, their robots and their clip."""
 
-    trajectories: list[Path] = argument("Trajectories .npz, side by side.", callback=opt.taking("trajectory"))
+    trajectories: list[Path] | None = argument(
+        "Trajectories .npz, side by side.", default=None, callback=opt.taking("trajectory")
+    )
     robot: list[str] | None = option(
         "As for solve; once for all trajectories, or once for each of them; by default the robot that each names.",
         "--robot",
@@ -58,6 +60,10 @@ class ServeOptions:
         "Where touch-ups are saved (.toml), for mend and solve; the trajectory is saved next to it (.npz).",
         default=Path("EDITS.toml"),
     )
+    keyframes: str | None = option(
+        "Make poses with times, of one robot, in place of trajectories: a file, new or of `edit keyframes` (.json, .bin#PAGE); the trajectory is saved next to it (.npz).",
+        default=None,
+    )
     port: int = option("Where to serve the page; 0 takes a free port.", default=8410)
     browser: bool = option("Open a browser, if there is a display.", default=True)
 
@@ -74,6 +80,8 @@ def view(viewed: ViewOptions, drawn: DrawOptions, served: ServeOptions, printing
     from robot_retarget.tools.view.web.editor import serve_viewer
     from robot_retarget.tools.view.web.take import Viewer
 
+    if served.keyframes is not None:
+        return _keyframes(served.keyframes, viewed, served, printing)
     for path in drawn.files:
         require_writable(path)
     if viewed.motion is None and viewed.frames is not None:
@@ -94,11 +102,32 @@ def view(viewed: ViewOptions, drawn: DrawOptions, served: ServeOptions, printing
         show_page(page, served.browser, printing)
 
 
+def _keyframes(name: str, viewed: ViewOptions, served: ServeOptions, printing: opt.PrintOptions) -> None:
+    """Serve a page that makes keyframes.
+
+    Raises:
+        UsageError: trajectories or several robots are given, too.
+    """
+    from functools import partial
+
+    from robot_retarget.edit.keyframe_files import keyframe_file
+    from robot_retarget.tools.view.web.keyframes import KeyframeDesk, serve_keyframes
+
+    if viewed.trajectories or len(viewed.robot or ()) > 1:
+        raise UsageError("--keyframes makes one motion of one robot: give no trajectory, and --robot once")
+    robot = opt.load(opt.named_robot("".join(viewed.robot or ())), viewed.limits, viewed.servos)
+    mode = viewed.simulated or ("free" if robot.floating else "pinned")
+    desk = KeyframeDesk(keyframe_file(name, robot), partial(rr.simulate, robot=robot, mode=mode))
+    show_page(serve_keyframes(desk, served.port), served.browser, printing)
+
+
 def _takes(viewed: ViewOptions, clip: "rr.Motion | None") -> "tuple[Take, ...]":
     from robot_retarget.judge.rollout import report_beside
     from robot_retarget.tools.view.web.take import file_names, take_of
 
-    trajectories, mode = viewed.trajectories, viewed.simulated
+    trajectories, mode = viewed.trajectories or [], viewed.simulated
+    if not trajectories:
+        raise UsageError("give trajectories to look at, or --keyframes FILE to make a motion")
     robots = viewed.robot or [rr.load_trajectory(path).robot for path in trajectories]
     if len(robots) not in (1, len(trajectories)):
         raise UsageError(f"--robot is given once, or {len(trajectories)} times; got {len(robots)}")

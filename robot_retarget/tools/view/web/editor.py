@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from threading import Lock
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
@@ -76,10 +76,16 @@ def _bounded(table: Any) -> dict[str, Any]:
     return {**table, "at": [float(one) if isinstance(one, str) else one for one in at] if isinstance(at, list) else at}
 
 
+class Acts(Protocol):
+    """What answers the requests of a page."""
+
+    def act(self, what: str, table: Any) -> dict[str, Any] | bytes: ...
+
+
 ACTS = ("edit", "undo", "redo", "save", "check", "judge")
 
 
-def touch_routes(editor_of: Callable[[Request], TakeEditor], acts: tuple[str, ...] = ACTS) -> list[BaseRoute]:
+def touch_routes(editor_of: Callable[[Request], Acts], acts: tuple[str, ...] = ACTS) -> list[BaseRoute]:
     """Return the routes of touch-ups of the take that a request means."""
     from anyio.to_thread import run_sync
 

@@ -31,8 +31,8 @@ from robot_retarget.base.untrusted.documents import parse_json
 HOST = "127.0.0.1"
 """Only this machine is served; other machines connect through ssh."""
 PORT = 8410
-LONGEST = 10_000
-"""Longest message from a page [bytes]."""
+LONGEST = 1_000_000
+"""Longest message from a page [bytes]: a thousand keyframes of forty joints."""
 UPLOAD = "/drop"
 """Path of the requests that bring a file."""
 LARGEST = 200_000_000

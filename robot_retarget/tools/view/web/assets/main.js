@@ -6,6 +6,7 @@ import { Charts, hue } from "#charts";
 import { embedded } from "#data";
 import { Export } from "#export";
 import { Heading } from "#heading";
+import { Keyframes } from "#keyframes";
 import { Panel } from "#panel";
 import { Player } from "#player";
 import { Stage } from "#stage";
@@ -183,7 +184,9 @@ function replaced(k, take) {
 
 const touch = document.body.matches(".touch, .studio") ? new Touch({ stage, player, panel, casts, replaced }) : null;
 
+const keyframes = document.body.matches(".keyframes") ? new Keyframes({ stage, player, panel, casts, charts, mount }) : null;
+
 const studio = document.body.matches(".studio") ? new (await import("#studio")).Studio({ mount, player, panel, touch, takes, casts, charts }) : null;
 
-window.viewer = { stage, studio, player, panel, casts, charts, takes, touch, exported, heading };
+window.viewer = { stage, studio, player, panel, casts, charts, takes, touch, keyframes, exported, heading };
 document.documentElement.dataset.ready = "yes";

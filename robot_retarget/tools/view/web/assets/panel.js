@@ -148,6 +148,7 @@ export class Panel {
     const { player } = this;
     this.button.textContent = player.playing ? "❚❚" : "▶";
     this.button.setAttribute("aria-label", player.playing ? "pause" : "play");
+    this.scrub.max = player.duration;
     this.scrub.value = player.time;
     this.scrub.style.setProperty("--share", `${(100 * player.time) / Math.max(player.duration, 1e-9)}%`);
     const frame = Math.round(player.time * player.fps);
@@ -160,7 +161,7 @@ export class Panel {
 
   #key(event) {
     if (event.ctrlKey || event.metaKey || event.altKey || /^(TEXTAREA|SELECT)$/.test(event.target.tagName)) return;
-    if (event.target.tagName === "INPUT" && event.target.type !== "range") return;
+    if (event.target.tagName === "INPUT" && event.target !== this.scrub) return;
     const { player } = this, far = event.shiftKey ? Math.round(player.fps) : 1;
     const does = {
       " ": () => player.toggle(), ArrowLeft: () => player.step(-far), ArrowRight: () => player.step(far),

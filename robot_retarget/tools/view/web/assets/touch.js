@@ -1,13 +1,12 @@
 // Touch-up: pick a keypoint and drag it, or pick two and say how far apart; the server solves the frames around it again.
 
-import { Plane, Raycaster, Vector2, Vector3 } from "#vendor";
-import { decoded, row } from "#data";
+import { Vector3 } from "#vendor";
+import { decoded } from "#data";
 import { made } from "#dom";
+import { KeypointDrag } from "#drag";
 import { post } from "#server";
 import { Sticks } from "#sticks";
 
-const NEAR = 16; // a keypoint this near to the pointer is meant [pixels]
-const STILL = 4; // a pointer that moves less has clicked [pixels]
 const FIRM = 1e4; // priority of an edge to where a keypoint was dropped: met to a millimetre wherever the joints reach [-]
 const HALF = 0.25; // an edge lasts this long before and after the moment [s]
 const PATIENCE = 800; // after a touch-up, its self-contacts are looked for in the background [ms]
@@ -16,16 +15,13 @@ const RELATIONS = { touch: "touch", is: "exactly", least: "at least", most: "at 
 export class Touch {
   constructor({ stage, player, panel, casts, replaced }) {
     Object.assign(this, { stage, player, panel, casts, replaced, on: false, picks: [] });
-    this.ray = new Raycaster();
     this.#form(document.getElementById("touch"));
     this.button = made("button", { id: "touch-up", textContent: "touch up", title: "mend what you see (T)" });
     this.button.addEventListener("click", () => this.toggle());
     document.getElementById("follow").after(this.button);
     document.addEventListener("keydown", (event) => this.#key(event));
-    const canvas = stage.renderer.domElement;
-    canvas.addEventListener("pointerdown", (event) => this.#down(event), { capture: true });
-    canvas.addEventListener("pointermove", (event) => this.#move(event), { capture: true });
-    canvas.addEventListener("pointerup", (event) => this.#up(event), { capture: true });
+    const moved = (k, place) => this.pick([this.keypoints.names[k], place]), dropped = (k, place) => this.#dropped(k, place);
+    this.drag = new KeypointDrag({ stage, player, casts, active: () => this.on, moved, dropped });
     player.onchange(() => this.on && this.#mark());
   }
 
@@ -89,13 +85,12 @@ export class Touch {
   }
 
   get keypoints() {
-    return this.casts[0].take.keypoints;
+    return this.drag.keypoints;
   }
 
   /** Where the k-th keypoint is now [m]. */
   at(k) {
-    const { points } = this.keypoints, places = row(points, this.casts[0].at ?? 0, new Float32Array(points.width));
-    return new Vector3().fromArray(places, 3 * k).add(this.casts[0].position);
+    return this.drag.at(k);
   }
 
   /** The line and the balls of what is picked, as large as the robot wants them. */
@@ -115,52 +110,9 @@ export class Touch {
     this.stage.draw();
   }
 
-  #pointer(event) {
-    const box = this.stage.renderer.domElement.getBoundingClientRect();
-    return { x: event.clientX - box.left, y: event.clientY - box.top, width: box.width, height: box.height };
-  }
-
-  #under(event) {
-    const { x, y, width, height } = this.#pointer(event);
-    const away = this.keypoints.names.map((_, k) => {
-      const seen = this.at(k).project(this.stage.camera);
-      return Math.hypot(((seen.x + 1) / 2) * width - x, ((1 - seen.y) / 2) * height - y);
-    });
-    const nearest = away.indexOf(Math.min(...away));
-    return away[nearest] < NEAR ? nearest : -1;
-  }
-
-  #down(event) {
-    if (!this.on) return;
-    const k = this.#under(event);
-    if (k < 0) return;
-    event.stopImmediatePropagation();
-    this.stage.renderer.domElement.setPointerCapture(event.pointerId);
-    this.player.pause();
-    const start = this.at(k), facing = this.stage.camera.getWorldDirection(new Vector3());
-    this.drag = { k, x: event.clientX, y: event.clientY, plane: new Plane().setFromNormalAndCoplanarPoint(facing, start), place: null };
-  }
-
-  #move(event) {
-    if (!this.drag) return;
-    event.stopImmediatePropagation();
-    const { k, x, y, plane } = this.drag;
-    if (!this.drag.place && Math.hypot(event.clientX - x, event.clientY - y) < STILL) return;
-    const pointer = this.#pointer(event);
-    this.ray.setFromCamera(new Vector2((2 * pointer.x) / pointer.width - 1, 1 - (2 * pointer.y) / pointer.height), this.stage.camera);
-    const place = this.ray.ray.intersectPlane(plane, new Vector3());
-    if (!place) return;
-    this.drag.place = place.sub(this.casts[0].position);
-    this.pick([this.keypoints.names[k], this.drag.place]);
-  }
-
-  #up(event) {
-    if (!this.drag) return;
-    event.stopImmediatePropagation();
-    const { k, place } = this.drag, name = this.keypoints.names[k];
-    this.drag = null;
+  #dropped(k, place) {
     if (place) return this.make();
-    const names = this.picks.filter((pick) => typeof pick === "string" && pick !== name);
+    const name = this.keypoints.names[k], names = this.picks.filter((pick) => typeof pick === "string" && pick !== name);
     this.pick([...names.slice(-1), name]);
   }
 
