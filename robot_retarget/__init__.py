@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from robot_retarget.tools.view.web.take import view as view
     from robot_retarget.trajectory import Trajectory as Trajectory
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 
 _HOME = {
     "describe": "graph.describe",
