@@ -10,7 +10,7 @@ angle = np.linspace(0.0, 2 * np.pi, 10, endpoint=False)
 start, stop = (4.0 * np.stack([np.cos(angle + turn), np.sin(angle + turn)], axis=1) for turn in (0.0, 3.0))
 walkers = np.linspace(start, stop, 60)  # (T, V, 2) [m]
 
-graph = papers.PointGraph.of(walkers, postures=False)
+graph = papers.motion_graph(walkers, postures=False)
 apart = papers.pair_edges(graph, list(combinations(graph.vertices, 2)), 0.5)
 crowd = papers.solve_with_thresholds(graph, apart, walkers, papers.solve)
 

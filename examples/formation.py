@@ -11,7 +11,7 @@ team = papers.Team(
     np.arange(6), np.array([6]), papers.Sensing(near=0.22, far=0.34, clear=0.08, blocked=0.03), least=0.005
 )
 
-graph = papers.PointGraph.of(x, postures=False, fixed=["6"])
+graph = papers.motion_graph(x, postures=False, fixed=["6"])
 apart = papers.pair_edges(graph, [(robot, "6") for robot in "012345"], 0.15)
 rigid = papers.solve_formation(graph.joined(apart), x, team)
 

@@ -12,6 +12,8 @@ The public names below are loaded when they are first used: importing the packag
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from robot_retarget.base.version import VERSION
+
 if TYPE_CHECKING:
     from robot_retarget.base.errors import RobotRetargetError as RobotRetargetError
     from robot_retarget.edit.sequence import sequence as sequence
@@ -44,10 +46,10 @@ if TYPE_CHECKING:
     from robot_retarget.solver.solution import Solution as Solution
     from robot_retarget.solver.stream import Stream as Stream
     from robot_retarget.solver.stream import stream as stream
-    from robot_retarget.tools.view.web.take import view as view
+    from robot_retarget.tools.view.web.viewer import view as view
     from robot_retarget.trajectory import Trajectory as Trajectory
 
-__version__ = "0.3.0"
+__version__ = VERSION
 
 _HOME = {
     "describe": "graph.describe",
@@ -82,7 +84,7 @@ _HOME = {
     "simulate": "judge.rollout",
     "Trajectory": "trajectory",
     "load_trajectory": "formats",
-    "view": "tools.view.web.take",
+    "view": "tools.view.web.viewer",
 }
 
 

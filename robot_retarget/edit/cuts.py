@@ -16,7 +16,7 @@ from robot_retarget.base.choices import Balance
 from robot_retarget.base.errors import BalanceError, TrajectoryError, UsageError
 from robot_retarget.edit.sequence import Part
 from robot_retarget.edit.window import AROUND
-from robot_retarget.human.resample import at_frames
+from robot_retarget.human.motion import at_frames
 from robot_retarget.human.robot_performer import performed
 from robot_retarget.judge.compensate import compensated
 from robot_retarget.judge.report import Report

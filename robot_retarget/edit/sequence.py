@@ -22,8 +22,7 @@ from robot_retarget.contact.record import joined_records
 from robot_retarget.edit.seam import Seam, Stances, found_seam, table_of
 from robot_retarget.formats import load_trajectory
 from robot_retarget.graph.weights import Weights
-from robot_retarget.human.motion import Motion
-from robot_retarget.human.resample import at_frames
+from robot_retarget.human.motion import Motion, at_frames
 from robot_retarget.human.robot_performer import performed
 from robot_retarget.human.skeleton import backward, forward
 from robot_retarget.robot import Robot, as_robot

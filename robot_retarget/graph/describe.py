@@ -26,7 +26,7 @@ from robot_retarget.human.features import HumanFeatures, features_of
 from robot_retarget.human.match import Match, match, read_map
 from robot_retarget.human.motion import Motion, part_of
 from robot_retarget.human.read import as_motion
-from robot_retarget.human.surroundings import rescaled
+from robot_retarget.human.surroundings import rescaled, with_scene
 from robot_retarget.human.terrain import with_terrain
 from robot_retarget.robot import Robot, as_robot, freeze
 from robot_retarget.robot.override import frozen_lines
@@ -215,7 +215,7 @@ def among(motion: Motion, scene: Scene | str | Path | None, scale: float | None 
     """
     if scene is not None:
         around = scene if isinstance(scene, Scene) else read_scene(scene)
-        return motion.with_scene(around if scale is None else replace(around, scale=scale))
+        return with_scene(motion, around if scale is None else replace(around, scale=scale))
     return motion if motion.scene is None or scale is None else rescaled(motion, scale)
 
 

@@ -5,14 +5,18 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Floats, frozen
 from robot_retarget.base.errors import MotionError, UsageError
 from robot_retarget.base.pages import card, data_frame
 from robot_retarget.contact.record import ContactRecord
 from robot_retarget.human.recognition import Recognition, recognise
-from robot_retarget.human.skeleton import Skeleton
+from robot_retarget.human.skeleton import Skeleton, backward, forward
 from robot_retarget.scene.scene import Scene
+
+RATES = (1.0, 1000.0)
+"""Accepted frames per second [1/s]; others are mistakes."""
 
 
 @dataclass(frozen=True)
@@ -143,8 +147,6 @@ class Motion:
             times: (N,) [s].
             fps: frames per second [1/s].
         """
-        from robot_retarget.human.resample import at_frames
-
         return at_frames(self, (times - self.start_time) * self.fps, fps)
 
     def frames(self, start: float = 0, stop: float | None = None) -> "Motion":
@@ -177,30 +179,92 @@ class Motion:
             scene=None if self.scene is None else self.scene.at(slice(start, stop)),
         )
 
-    def with_scene(self, scene: Scene) -> "Motion":
-        """Return the motion with bodies around it; see `surroundings.with_scene`.
-
-        Raises:
-            SceneError: a body does not fit the motion.
-        """
-        from robot_retarget.human.surroundings import with_scene
-
-        return with_scene(self, scene)
-
     def poses_at(self, frame: int) -> dict[str, Floats]:
         """Return the poses (7,) of the moving bodies at a frame, by name: x y z [m], quaternion w x y z."""
         bodies = () if self.scene is None else self.scene.bodies
         return {body.name: body.poses[frame] for body in bodies if body.poses.ndim == 2}
 
     def resample(self, fps: float) -> "Motion":
-        """The same motion at another frame rate, from 1 to 1000 [1/s]; see `resample.resample`.
+        """The same motion at another frame rate, its duration kept to half a frame.
+
+        With rotations, each joint's pose in its parent is interpolated (slerp, lerp) and put together again, so that bones
+        keep their lengths; without, positions are interpolated linearly.
+
+        Args:
+            fps: from 1 to 1000 [1/s].
 
         Raises:
             UsageError: `fps` is out of range.
         """
-        from robot_retarget.human.resample import resample
+        if not RATES[0] <= fps <= RATES[1]:
+            raise UsageError(f"frames per second must be from {RATES[0]:g} to {RATES[1]:g}, got {fps}")
+        if fps == self.fps or len(self.clip) == 1:
+            return replace(self, fps=fps)
+        count = max(1, round(self.duration * fps)) + 1 if len(self) > 1 else 1
+        step, first = self.fps / fps, self.span.start
+        before = int(first / step)
+        after = max(0, int((len(self.clip) - 1 - first) / step) - count + 1)
+        frames = first + step * np.arange(-before, count + after)
+        resampled = at_frames(self.clip, frames, fps)
+        return resampled if self.whole is None else resampled.frames(before, before + count)
 
-        return resample(self, fps)
+
+# The poses between frames.
+
+
+def at_frames(motion: Motion, frames: Floats, fps: float) -> Motion:
+    """The motion at (T,) whole or broken numbers of its frames, in any order, the ends held beyond them; played at `fps`.
+
+    Contacts are those of the nearest frame.
+
+    Args:
+        motion: the motion.
+        frames: (N,) indices of frames, whole or not.
+        fps: rate at which the result is played [1/s].
+    """
+    at = np.clip(frames, 0, len(motion) - 1)
+    contacts = None if motion.contacts is None else motion.contacts[np.round(at).astype(int)]
+    began = motion.start_time + float(frames[0]) / motion.fps if len(frames) else motion.start_time
+    around = None if motion.scene is None else motion.scene.resampled(at)
+    motion = replace(motion, contacts=None, scene=None, start_time=began)
+    if len(motion) == 1:
+        return replace(
+            motion,
+            positions=np.repeat(motion.positions, len(frames), axis=0),
+            fps=fps,
+            rotations=_held(motion, len(frames)),
+            contacts=contacts,
+            scene=around,
+        )
+    before = np.minimum(at.astype(int), len(motion) - 2)
+    share = np.asarray(at - before, dtype=np.float64)[:, None]
+    if motion.rotations is None:
+        return replace(
+            motion, positions=_lerp(motion.positions, before, share), fps=fps, contacts=contacts, scene=around
+        )
+    parents = motion.skeleton.parents
+    translations, turns = backward(parents, motion.positions, motion.rotations)
+    positions, rotations = forward(parents, _lerp(translations, before, share), _slerp(turns, before, share))
+    return replace(motion, positions=positions, rotations=rotations, fps=fps, contacts=contacts, scene=around)
+
+
+def _held(motion: Motion, count: int) -> Floats | None:
+    return None if motion.rotations is None else np.repeat(motion.rotations, count, axis=0)
+
+
+def _lerp(values: Floats, before: np.ndarray, share: Floats) -> Floats:
+    return values[before] + share[..., None] * (values[before + 1] - values[before])
+
+
+def _slerp(values: Floats, before: np.ndarray, share: Floats) -> Floats:
+    """q (q⁻¹ r)^u of (T, J, 4) unit quaternions, every joint by its own shortest way."""
+    shape = (len(before), *values.shape[1:])
+    start, end = (
+        Rotation.from_quat(values[frames].reshape(-1, 4), scalar_first=True) for frames in (before, before + 1)
+    )
+    part = np.broadcast_to(share, shape[:2]).reshape(-1, 1)
+    turned = start * Rotation.from_rotvec(part * (start.inv() * end).as_rotvec())
+    return turned.as_quat(scalar_first=True).reshape(shape)
 
 
 # Parts of a clip in words: frames or seconds.

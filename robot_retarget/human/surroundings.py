@@ -247,7 +247,7 @@ class LiveScene:
                 body if body.carrier else replace(body, poses=p)
                 for body, p in zip(self._scene.bodies, self.poses, strict=True)
             )
-            own = motion.with_scene(replace(self._scene, bodies=tuple(first))).clip.scene
+            own = with_scene(motion, replace(self._scene, bodies=tuple(first))).clip.scene
             assert own is not None
         return with_bodies(motion, self.scene(own.poses(len(motion.clip))))
 

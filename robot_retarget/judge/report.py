@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget import __version__
 from robot_retarget.base.arrays import Floats, frozen
 from robot_retarget.base.errors import UsageError
 from robot_retarget.base.files import MODELS, write_text
 from robot_retarget.base.pages import card, data_frame
 from robot_retarget.base.untrusted.documents import FORMAT_VERSION, SEAL, content_sha256, read_json, sealed
+from robot_retarget.base.version import VERSION
 from robot_retarget.collision import Warnings
 from robot_retarget.contact.stance import Stance, planned_stance
 from robot_retarget.judge.cures import Cure, Origin
@@ -98,7 +98,7 @@ class Report:
     robot: str
     model: str = ""
     """The robot as `load_robot` takes it: a shipped name, or the path of its model."""
-    version: str = __version__
+    version: str = VERSION
     series: Mapping[str, Floats] = field(default_factory=dict)
     """For plots. At the frames: `time` (F,) [s]; `wanted`, `measured`, `error` and `plain` (F, n) [rad], the last NaN where
     plain playback had broken down; `torque` (F, n) and `bounds` (n,) [N m]; `simulated` (F, nq). Of standing (`Stance`), as simulated in mode

@@ -16,6 +16,7 @@ from robot_retarget.base.untrusted.arrays import FARTHEST, Field, read_fields
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import read_motion
 from robot_retarget.human.skeleton import Skeleton
+from robot_retarget.human.surroundings import with_scene
 from robot_retarget.live.frame import FaultCounter, Frame
 from robot_retarget.live.headsets import HEADSETS, HeadsetSource
 from robot_retarget.live.messages import LineDecoder
@@ -154,7 +155,7 @@ def opened(
         if source in HEADSETS:
             return HeadsetSource(HEADSETS[source](), faults)
         motion = read_motion(source)
-        return Replay(motion if scene is None else motion.with_scene(scene), faults, speed)
+        return Replay(motion if scene is None else with_scene(motion, scene), faults, speed)
     if source == "vmc":
         from robot_retarget.live.vmc import PORT, VmcDecoder
 

@@ -8,6 +8,7 @@ from robot_retarget.graph.interaction import interaction_distance as interaction
 from robot_retarget.graph.track import Objective as Objective
 from robot_retarget.papers.build import bone_edges as bone_edges
 from robot_retarget.papers.build import frame_edges as frame_edges
+from robot_retarget.papers.build import motion_graph as motion_graph
 from robot_retarget.papers.build import pair_edges as pair_edges
 from robot_retarget.papers.build import solve_with_thresholds as solve_with_thresholds
 from robot_retarget.papers.build import trace_edges as trace_edges

@@ -117,14 +117,26 @@ def measured(
     return edge_track(kind, graph, i, j, delta, delta, priority)
 
 
-def motion_edges(motion: Motion | ArrayLike, names: Sequence[str] | None, postures: bool, traces: int) -> PointGraph:
-    """Return E* of a motion, or of places (T, V, K): see `PointGraph.of`.
+def motion_graph(
+    motion: Motion | ArrayLike,
+    names: Sequence[str] | None = None,
+    *,
+    postures: bool = True,
+    traces: int = 3,
+    fixed: Sequence[str] = (),
+) -> PointGraph:
+    """Return E* of a motion: exact edges δ = d(x) whose realization of zero stress is the motion itself.
 
     Args:
-        motion: a motion with a skeleton, or positions (T, V, K) [m].
-        names: names of objects, or None.
-        postures: whether to add every pair of every frame.
-        traces: τ, 0 omits traces.
+        motion: a motion with a skeleton, whose bones are edges of kind `BONE`; or positions (T, V, K) of objects [m].
+        names: names of the objects; by default those of the motion, or numbers.
+        postures: add every pair of every frame, ⋃ E_t; omit them if objects move independently, as in a crowd.
+        traces: number of past positions joined to every object, ⋃ E_v with τ; 0 omits them.
+        fixed: objects that do not move, such as obstacles.
+
+    Raises:
+        GraphError: positions of another shape or not finite, or an unknown object.
+        UsageError: fewer frames than traces need.
     """
     if isinstance(motion, Motion):
         graph, x = empty(motion.skeleton.names, motion.positions)
@@ -140,7 +152,9 @@ def motion_edges(motion: Motion | ArrayLike, names: Sequence[str] | None, postur
     if postures and not bone.all():
         tracks.append(measured(POSTURE, graph, x, i[~bone], j[~bone]))
     within = replace(graph, tracks=tuple(tracks))
-    return within.joined(trace_edges(graph.vertices, x, traces)) if traces and len(x) > 1 else within
+    whole = within.joined(trace_edges(graph.vertices, x, traces)) if traces and len(x) > 1 else within
+    held = [whole.place(name) for name in fixed]
+    return replace(whole, fixed=np.isin(np.arange(len(whole.vertices)), held))
 
 
 def bone_edges(graph: PointGraph, structure: SkeletalStructure, priority: float = 10.0) -> PointGraph:

@@ -1,6 +1,6 @@
 """The graph of free points: the papers' problem, whose realization is x: V × T → ℝ^K."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -15,7 +15,6 @@ from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.graph import Graph
 from robot_retarget.graph.interaction import Interaction
 from robot_retarget.graph.track import FRAME, HARD, Track, exact, merged
-from robot_retarget.human.motion import Motion
 from robot_retarget.papers.edges import BONE, Edges, expand
 
 
@@ -82,36 +81,6 @@ class PointGraph(Graph):
         track.refuse(np.broadcast_to(loop, track.lower.shape), "joins a vertex to itself")
         track.refuse((track.lower < 0) | np.isinf(track.lower), "has a lower bound that is negative or infinite")
         track.refuse(np.isinf(track.priority), "has an infinite priority")
-
-    @classmethod
-    def of(
-        cls,
-        motion: "Motion | ArrayLike",
-        names: Sequence[str] | None = None,
-        *,
-        postures: bool = True,
-        traces: int = 3,
-        fixed: Sequence[str] = (),
-    ) -> "PointGraph":
-        """Return E* of a motion: exact edges δ = d(x) whose realization of zero stress is the motion itself.
-
-        Args:
-            motion: a motion with a skeleton, whose bones are edges of kind `BONE`; or positions (T, V, K) of objects
-                [m].
-            names: names of the objects; by default those of the motion, or numbers.
-            postures: add every pair of every frame, ⋃ E_t; omit them if objects move independently, as in a crowd.
-            traces: number of past positions joined to every object, ⋃ E_v with τ; 0 omits them.
-            fixed: objects that do not move, such as obstacles.
-
-        Raises:
-            GraphError: positions of another shape or not finite, or an unknown object.
-            UsageError: fewer frames than traces need.
-        """
-        from robot_retarget.papers.build import motion_edges  # imported here: builders of graphs import this module
-
-        graph = motion_edges(motion, names, postures, traces)
-        held = [graph.place(name) for name in fixed]
-        return replace(graph, fixed=np.isin(np.arange(len(graph.vertices)), held))
 
     def __len__(self) -> int:
         """|T|."""

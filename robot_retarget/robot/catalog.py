@@ -2,6 +2,7 @@
 
 import importlib
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -27,6 +28,7 @@ from robot_retarget.robot.source import (
     require_finite,
     urdf_speeds,
 )
+from robot_retarget.robot.stand import with_arms_down
 from robot_retarget.robot.timing import require_same_robot
 from robot_retarget.trajectory import Trajectory, load_trajectory
 
@@ -177,7 +179,8 @@ def _loaded(path: Path, tables: Limits, notes: tuple[str, ...] = (), freed: Quat
     except ValueError as error:
         raise RobotError(f"{path}: MuJoCo does not load it: {one_line(str(error))}") from error
     tables = {**tables, "speed": {**speeds, **tables.get("speed", {})}}
-    return robot_from_model(model, path, path.stem, tables, (*omission_notes(path), *notes), freed)
+    robot = robot_from_model(model, path, path.stem, tables, (*omission_notes(path), *notes), freed)
+    return replace(robot, arms_down=with_arms_down)
 
 
 def _stood(robot: Robot, tables: Limits) -> Robot:

@@ -1,7 +1,7 @@
 """A robot: the MuJoCo model, its joints in order, and what each may do."""
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -68,6 +68,8 @@ class Robot:
     """The servos that turn its hinges, if known."""
     whole: "Robot | None" = None
     """The robot before some of its joints were frozen (`override.freeze`), which recognition reads; None is itself."""
+    arms_down: Callable[["Robot"], Floats] | None = None
+    """Gives the standing pose (nq,) of a model without such a keyframe (`stand.with_arms_down`); without it that is `qpos0`."""
     led: Mapping[int, Trajectory] = field(default_factory=dict)
     """Frozen hinges that a trajectory moves instead, by index."""
 
@@ -171,10 +173,10 @@ class Robot:
 
     def standing(self) -> Floats:
         """The keyframe in which the robot stands, where the model has one, else `qpos0` with arms down (`stand`). (nq,)"""
-        from robot_retarget.robot.stand import with_arms_down  # recognition reads robots
-
         key = self.standing_key
-        return np.array(with_arms_down(self.whole or self)) if key is None else key
+        if key is None:
+            key = self.arms_down(self.whole or self) if self.arms_down else self.model.qpos0
+        return np.array(key)
 
 
 def robot_from_model(

@@ -23,6 +23,7 @@ import numpy as np
 import robot_retarget as rr
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.placed_scene import placed_scene
+from robot_retarget.human.surroundings import with_scene
 from robot_retarget.solver.pipeline import Result
 from robot_retarget.solver.solve import trajectory_of
 
@@ -49,7 +50,7 @@ def box(package: Path, name: str) -> tuple[rr.Motion, float | None]:
     file = package / "box.toml"
     shape = f'model = "{package.resolve()}/models/largebox/largebox.xml"'
     file.write_text(f'[[body]]\nname = "largebox"\n{shape}\nposes = "{clip.resolve()}"\n')
-    return rr.read_motion(clip).with_scene(rr.read_scene(file)), 1.0
+    return with_scene(rr.read_motion(clip), rr.read_scene(file)), 1.0
 
 
 def climb(package: Path, name: str) -> tuple[rr.Motion, float | None]:
@@ -59,7 +60,7 @@ def climb(package: Path, name: str) -> tuple[rr.Motion, float | None]:
     body = '[[body]]\nname = "{1.stem}"\nshape = "mesh"\nfile = "{0}/box_models/{1.name}"\n'
     file.write_text("".join(body.format(folder, path) for path in sorted(folder.glob("box_models/*.obj"))))
     clip = next(folder.glob("*.npy"))
-    return rr.read_motion(clip).resample(30).with_scene(rr.read_scene(file)), None
+    return with_scene(rr.read_motion(clip).resample(30), rr.read_scene(file)), None
 
 
 CASES = {"box": (box, "sub3_largebox_003"), "box10": (box, "sub10_largebox_049")}

@@ -15,7 +15,7 @@ from robot_retarget.base.errors import RobotRetargetError
 from robot_retarget.base.files import SAMPLES, folder, replacing
 from robot_retarget.tools.view.film import strip
 from robot_retarget.tools.view.picture import Picture
-from robot_retarget.tools.view.web.take import Viewer, view
+from robot_retarget.tools.view.web.viewer import Viewer, view
 
 PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">

@@ -22,6 +22,7 @@ from selenium.webdriver.chrome.service import Service
 
 import robot_retarget as rr
 from robot_retarget.base.files import SAMPLES, folder, replacing
+from robot_retarget.human.surroundings import with_scene
 
 FLAGS = (
     "--headless=new",
@@ -92,7 +93,7 @@ def _pages(pages: Path) -> None:
 
 def _bodies(page: Path) -> None:
     """Make the viewer of a box that is lifted from a table."""
-    lift = rr.read_motion(SAMPLES / "scenes/box.bvh").with_scene(rr.read_scene(SAMPLES / "scenes/box.toml"))
+    lift = with_scene(rr.read_motion(SAMPLES / "scenes/box.bvh"), rr.read_scene(SAMPLES / "scenes/box.toml"))
     rr.view(rr.solve(rr.describe(lift, "op3"), balance="off")).save(page)
 
 

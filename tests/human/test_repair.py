@@ -15,11 +15,11 @@ from robot_retarget.human.capture import Capture
 from robot_retarget.human.defects import NoiseRule, ScrambleRule, clean_part, gaps, noise_of, smoothed
 from robot_retarget.human.features import features_of
 from robot_retarget.human.match import match
+from robot_retarget.human.motion import at_frames
 from robot_retarget.human.read import read_motion
 from robot_retarget.human.readers.bvh import read_bvh
 from robot_retarget.human.recognition import recognise
 from robot_retarget.human.recognition.recognise import leg_length
-from robot_retarget.human.resample import at_frames
 from robot_retarget.human.upright import upright
 from robot_retarget.robot import load_robot
 

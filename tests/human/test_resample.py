@@ -11,8 +11,7 @@ from test_bvh_write import random_motion
 
 from robot_retarget.base.errors import UsageError
 from robot_retarget.contact.record import labelled
-from robot_retarget.human.motion import Motion
-from robot_retarget.human.resample import at_frames
+from robot_retarget.human.motion import Motion, at_frames
 from robot_retarget.human.skeleton import Skeleton
 
 

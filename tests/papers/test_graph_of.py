@@ -12,7 +12,6 @@ from robot_retarget.human.read import read_motion
 from robot_retarget.papers import (
     Ipopt,
     Objective,
-    PointGraph,
     SkeletalStructure,
     distances,
     frame_edges,
@@ -20,12 +19,13 @@ from robot_retarget.papers import (
     solve_frames,
     stress,
 )
+from robot_retarget.papers.build import motion_graph
 from robot_retarget.papers.evaluation import gradient
 
 
 def test_a_motion_is_the_realization_without_stress_of_its_own_graph() -> None:
     motion = read_motion(SAMPLES / "wave.bvh").frames(0, 12)
-    graph, joints = PointGraph.of(motion), len(motion.skeleton)
+    graph, joints = motion_graph(motion), len(motion.skeleton)
     assert graph.vertices == motion.skeleton.names and graph.frames == 12
     assert stress(graph, motion.positions) == 0.0
     assert (graph.edges.kind == "bone").sum() == 12 * (joints - 1)
@@ -36,20 +36,20 @@ def test_a_motion_is_the_realization_without_stress_of_its_own_graph() -> None:
     bones = graph.select(graph.edges.kind == "bone")
     body = SkeletalStructure.of(motion)
     np.testing.assert_allclose(np.sort(bones.edges.lower[: joints - 1]), np.sort(body.lengths[1:]), rtol=1e-9)
-    assert PointGraph.of(motion, traces=0, postures=False).edges.kind.tolist() == ["bone"] * 12 * (joints - 1)
+    assert motion_graph(motion, traces=0, postures=False).edges.kind.tolist() == ["bone"] * 12 * (joints - 1)
 
 
 def test_places_without_a_tree_are_numbered_and_obstacles_stay() -> None:
     x = np.random.default_rng(0).normal(size=(5, 3, 2))
-    graph = PointGraph.of(x, postures=False, traces=2, fixed=["2"])
+    graph = motion_graph(x, postures=False, traces=2, fixed=["2"])
     assert graph.vertices == ("0", "1", "2") and set(graph.edges.kind.tolist()) == {"trace 1", "trace 2"}
     assert graph.fixed.tolist() == [[False, False, True]] * 5
-    assert PointGraph.of(x, ["a", "b", "c"]).vertices == ("a", "b", "c")
-    assert len(PointGraph.of(x[:1]).edges) == 3
+    assert motion_graph(x, ["a", "b", "c"]).vertices == ("a", "b", "c")
+    assert len(motion_graph(x[:1]).edges) == 3
     with pytest.raises(GraphError, match=r"unknown vertex 'rock'.*0, 1, 2"):
-        PointGraph.of(x, fixed=["rock"])
+        motion_graph(x, fixed=["rock"])
     with pytest.raises(GraphError, match="an animation is"):
-        PointGraph.of(x[0, 0])
+        motion_graph(x[0, 0])
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([Objective.SQUARED, Objective.HALF_SQUARED]))

@@ -6,7 +6,7 @@ from small_graphs import table
 
 from robot_retarget.base.errors import GraphError, UsageError
 from robot_retarget.papers import PointGraph, SkeletalStructure, bone_edges, frame_edges, pair_edges, trace_edges
-from robot_retarget.papers.build import empty, smoothness_edges
+from robot_retarget.papers.build import empty, motion_graph, smoothness_edges
 from robot_retarget.papers.edges import INTERACTION
 from robot_retarget.papers.skeletal import structure_from_pose
 
@@ -155,5 +155,5 @@ def test_edges_are_walked_through_and_picked_one_by_one() -> None:
 
 
 def test_a_graph_of_points_prints_in_one_line() -> None:
-    graph = PointGraph.of(RNG.normal(size=(40, 30, 3)))
+    graph = motion_graph(RNG.normal(size=(40, 30, 3)))
     assert len(repr(graph)) < 200 and "30 vertices × 40 frames" in repr(graph) and len(repr(graph.edges)) < 100

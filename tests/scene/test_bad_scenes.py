@@ -137,7 +137,7 @@ def test_bodies_that_do_not_fit_the_motion_are_refused() -> None:
     }
     for message, scene in cases.items():
         with pytest.raises(SceneError, match=rf"'box'.*{message}"):
-            CLIP.with_scene(scene)
+            with_scene(CLIP, scene)
 
 
 def noted(scene: Scene) -> str:

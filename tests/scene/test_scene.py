@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 import robot_retarget as rr
 from robot_retarget.human.features import features_of
 from robot_retarget.human.match import match
+from robot_retarget.human.surroundings import with_scene
 from robot_retarget.human.touches import FLESH
 from robot_retarget.scene.geoms import SceneModel
 from robot_retarget.scene.scene import RigidBody, Scene, composed
@@ -24,7 +25,7 @@ def test_a_carried_body_keeps_its_place_in_the_joint(tmp_path: Path) -> None:
     file = written(
         tmp_path, f'[[body]]\nname="box"\nshape="box"\nsize=[0.1, 0.1, 0.1]\ncarrier="{hand}"\nposition=[0, 0.3, 0]\n'
     )
-    scene = CLIP.with_scene(rr.read_scene(file)).scene
+    scene = with_scene(CLIP, rr.read_scene(file)).scene
     assert scene is not None and CLIP.rotations is not None
     joint = CLIP.skeleton.names.index(hand)
     turn = Rotation.from_quat(CLIP.rotations[:, joint], scalar_first=True)
@@ -35,8 +36,8 @@ def test_a_carried_body_keeps_its_place_in_the_joint(tmp_path: Path) -> None:
 def test_poses_follow_the_time_of_the_source_through_cuts_and_rates() -> None:
     """Other rate, cut, resampled, in either order: the box is where its path says at each frame's time."""
     scene = boxed(path(400, 100.0), fps=100.0)
-    first = CLIP.with_scene(scene).frames(10, 30).resample(50)
-    second = CLIP.frames(10, 30).resample(50).with_scene(scene)
+    first = with_scene(CLIP, scene).frames(10, 30).resample(50)
+    second = with_scene(CLIP.frames(10, 30).resample(50), scene)
     for motion in (first, second):
         assert motion.scene is not None
         found = motion.scene.poses(len(motion))[:, 0]
@@ -46,7 +47,7 @@ def test_poses_follow_the_time_of_the_source_through_cuts_and_rates() -> None:
 
 
 def test_a_fixed_body_needs_no_frames() -> None:
-    motion = CLIP.with_scene(boxed(FAR)).resample(10)
+    motion = with_scene(CLIP, boxed(FAR)).resample(10)
     assert motion.scene is not None and motion.scene.bodies[0].fixed
 
 
@@ -89,7 +90,7 @@ def test_a_hand_touches_by_its_knuckles() -> None:
     touched = {}
     for gap in (0.04, 0.2):
         below = np.array([*end[:2], end[2] - gap - 0.2, 1.0, 0, 0, 0])
-        around = features_of(CLIP.with_scene(boxed(below)), matched).around
+        around = features_of(with_scene(CLIP, boxed(below)), matched).around
         assert around is not None
         touched[gap] = bool(around.touches.held[:, around.touches.pairs.index(("l_hand", 0))].any())
     assert touched == {0.04: True, 0.2: False}

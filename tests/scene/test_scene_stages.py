@@ -14,6 +14,7 @@ from robot_retarget.edit.touchup import apply_edit, graph_of
 from robot_retarget.graph.edits import Edit
 from robot_retarget.graph.placed_scene import captured_scene, placed_scene
 from robot_retarget.human.robot_performer import performed
+from robot_retarget.human.surroundings import with_scene
 from robot_retarget.scene.scene import RigidBody, Scene, extrapolated
 from robot_retarget.scene.shape import ShapeKind, height_field, solid
 from robot_retarget.scores.score import score
@@ -26,7 +27,7 @@ from robot_retarget.trajectory import Trajectory, load_trajectory
 OP3 = rr.load_robot("op3")
 SCENES = ROOT / "samples/scenes"
 CLIP = rr.read_motion(SCENES / "box.bvh")
-LIFT = CLIP.with_scene(rr.read_scene(SCENES / "box.toml")).frames(65, 115)
+LIFT = with_scene(CLIP, rr.read_scene(SCENES / "box.toml")).frames(65, 115)
 HAND = Edit("edge", {"a": "head", "b": "l_hand", "at": 0.14, "frames": [20, 30]})
 
 

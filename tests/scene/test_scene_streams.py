@@ -13,7 +13,7 @@ from robot_retarget.base.errors import SceneError
 from robot_retarget.graph.placed_scene import PlacedScene, placed_scene
 from robot_retarget.graph.track import Status
 from robot_retarget.human.match import match
-from robot_retarget.human.surroundings import LiveScene
+from robot_retarget.human.surroundings import LiveScene, with_scene
 from robot_retarget.human.terrain import with_terrain
 from robot_retarget.live.frame import FaultCounter
 from robot_retarget.live.messages import LineDecoder, line_of, skeleton_line
@@ -23,7 +23,7 @@ from robot_retarget.solver.stream import Stream, StreamPose
 
 OP3 = rr.load_robot("op3")
 SCENES = ROOT / "samples/scenes"
-BOX = rr.read_motion(SCENES / "box.bvh").resample(30).with_scene(rr.read_scene(SCENES / "box.toml")).frames(45, 110)
+BOX = with_scene(rr.read_motion(SCENES / "box.bvh").resample(30), rr.read_scene(SCENES / "box.toml")).frames(45, 110)
 STEP = with_terrain(
     whole := rr.read_motion(SCENES / "step.bvh").resample(30),
     match(whole, OP3),
@@ -120,7 +120,7 @@ def test_a_joint_carries_a_body_through_a_stream() -> None:
     own = np.array([0.1, 0, 0, 1.0, 0, 0, 0])
     held = RigidBody("box", solid(ShapeKind.BOX, (0.1, 0.1, 0.1)), own, carrier="LeftWrist")
     live = LiveScene(Scene((held,)), BOX.skeleton, Counter())
-    recorded = BOX.clip.with_scene(Scene((held,))).scene
+    recorded = with_scene(BOX.clip, Scene((held,))).scene
     assert recorded is not None and BOX.clip.rotations is not None
     for t in (0, 50):
         found = live.step({}, BOX.clip.positions[t], BOX.clip.rotations[t])

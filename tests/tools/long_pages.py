@@ -21,7 +21,8 @@ from robot_retarget.tools.studio.project import Project
 from robot_retarget.tools.studio.studio import Studio
 from robot_retarget.tools.view.page import save_page as save_report
 from robot_retarget.tools.view.web.editor import TakeEditor
-from robot_retarget.tools.view.web.take import Take, Viewer, take_of
+from robot_retarget.tools.view.web.take import Take, take_of
+from robot_retarget.tools.view.web.viewer import Viewer
 from robot_retarget.trajectory import Trajectory
 
 LIMBS, SEGMENTS = ("left_arm", "right_arm", "left_leg", "right_leg"), 10

@@ -11,7 +11,8 @@ from robot_retarget.scene.scene import RigidBody, Scene
 from robot_retarget.scene.shape import ShapeKind, solid
 from robot_retarget.tools.studio.studio import Studio
 from robot_retarget.tools.view.web.live import LiveRobot
-from robot_retarget.tools.view.web.take import Viewer, take_of
+from robot_retarget.tools.view.web.take import take_of
+from robot_retarget.tools.view.web.viewer import Viewer
 from robot_retarget.trajectory import Trajectory
 
 OP3 = load_robot("op3")

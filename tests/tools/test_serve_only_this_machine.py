@@ -22,7 +22,8 @@ from robot_retarget.robot import load_robot
 from robot_retarget.tools.view.web import serve as web
 from robot_retarget.tools.view.web.editor import TakeEditor, serve_viewer
 from robot_retarget.tools.view.web.serve import LONGEST, Served
-from robot_retarget.tools.view.web.take import Take, Viewer
+from robot_retarget.tools.view.web.take import Take
+from robot_retarget.tools.view.web.viewer import Viewer
 
 OP3 = load_robot("op3")
 MOTION = read_motion(SAMPLES / "wave.bvh").frames(0, 10)

@@ -16,7 +16,8 @@ from robot_retarget.human.read import read_motion
 from robot_retarget.judge.rollout import simulate
 from robot_retarget.robot import load_robot
 from robot_retarget.tools.view.web.editor import serve_viewer
-from robot_retarget.tools.view.web.take import Viewer, take_of
+from robot_retarget.tools.view.web.take import take_of
+from robot_retarget.tools.view.web.viewer import Viewer
 from robot_retarget.trajectory import load_trajectory
 
 WAVE = ROOT / "samples/wave.bvh"

@@ -23,7 +23,8 @@ from robot_retarget.robot.timing import resample
 from robot_retarget.tools.view.web.editor import serve_viewer
 from robot_retarget.tools.view.web.shapes import shapes_of
 from robot_retarget.tools.view.web.show import Packer, take_header
-from robot_retarget.tools.view.web.take import Take, Viewer, file_names, human_of, take_of, view
+from robot_retarget.tools.view.web.take import Take, file_names, human_of, take_of
+from robot_retarget.tools.view.web.viewer import Viewer, view
 
 G1 = SHARED / "robots/unitree_g1/unitree_g1.xml"
 ROBOTS = [pytest.param(("op3", 3.0), id="op3"), pytest.param((str(G1), 15.0), id="g1", marks=needs_shared)]

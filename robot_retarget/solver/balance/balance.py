@@ -15,10 +15,11 @@ from scipy.ndimage import gaussian_filter1d
 from robot_retarget.base.arrays import Floats, bearing
 from robot_retarget.base.errors import BalanceError, UsageError, known
 from robot_retarget.base.progress import Count, Progress
+from robot_retarget.contact.rule import DRAFT, SOLES
 from robot_retarget.contact.soles import sole_contacts
 from robot_retarget.graph.describe import RobotGraph, graph_from
 from robot_retarget.human.activity import SUPPORTED
-from robot_retarget.human.resample import at_frames
+from robot_retarget.human.motion import at_frames
 from robot_retarget.robot import Robot
 from robot_retarget.scene.geoms import SolidGround
 from robot_retarget.scores.likeness import Alike, Likeness, likeness_of
@@ -273,7 +274,8 @@ def _stepping(ik: BalancedIk, draft: Floats, share: float = 1.0) -> PlaybackClip
     """Return the draft with steps within a share of the robot's reach; its body follows them."""
     graph, fps, ground = ik.graph, ik.graph.fps, SolidGround(ik.graph.bodies)
     corners = ik.corners(draft)
-    own_feet = sole_contacts(graph.robot, graph.match.anatomy, draft, fps, graph.bodies)
+    rule = SOLES if graph.match.recognition.segments else DRAFT  # the feet of a robot that performs are flat
+    own_feet = sole_contacts(graph.robot, graph.match.anatomy, draft, fps, graph.bodies, rule)
     planted = planted_feet(graph.human.contacts, own_feet, corners, fps)
     own = stand_places(ik)
     corners = spread(corners, own)

@@ -169,7 +169,8 @@ def _pictured(row: Row, why: str, job: Job) -> ClipCard:
     """Draw a strip and a viewer of a row."""
     from robot_retarget.tools.view.film import strip
     from robot_retarget.tools.view.picture import Picture
-    from robot_retarget.tools.view.web.take import Take, Viewer
+    from robot_retarget.tools.view.web.take import Take
+    from robot_retarget.tools.view.web.viewer import Viewer
     from robot_retarget.trajectory import load_trajectory
 
     name = next(name for name in job.robots if robot_of(name, job.settings.limits).name == row.robot)

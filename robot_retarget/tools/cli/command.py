@@ -19,6 +19,7 @@ import typer
 from typer.core import TyperGroup
 
 from robot_retarget.base.errors import RobotRetargetError, UsageError, known
+from robot_retarget.base.untrusted.limits import zip_names
 from robot_retarget.tools.cli import console
 
 TYPER = "typer"
@@ -143,13 +144,33 @@ MEANT = {
 """Words for commands that other programs have."""
 
 
+# Kinds of files, and the commands that take them, checked before any heavy library is loaded.
+
+MODELS = (".xml", ".mjcf", ".urdf")
+MOTIONS = (".bvh", ".amc", ".asf", ".c3d", ".mvnx", ".trc", ".glb", ".gltf", ".vrma", ".fbx")
+KINDS = {".toml": "settings"} | dict.fromkeys(MODELS, "robot") | dict.fromkeys(MOTIONS, "motion")
+TRAJECTORY_MEMBERS = {"qpos.npy", "joint_names.npy", "format_version.npy"}
+TAKEN_BY = {
+    "robot": "robot-retarget info {0} shows it; other commands take it as --robot {0}",
+    "motion": "robot-retarget run {0} makes a trajectory of it",
+    "trajectory": "robot-retarget view, simulate, export and play take it",
+    "settings": "commands take it by an option: --map, --limits, --edges, --servos",
+}
+"""Which command takes a file of a kind."""
+
+
+def kind_of(path: Path) -> str:
+    """A key of `TAKEN_BY`, by the suffix or the names in an archive; empty for what may be several kinds."""
+    suffix = path.suffix.lower()
+    planned = suffix == ".npz" and set(zip_names(path)) >= TRAJECTORY_MEMBERS
+    return KINDS.get(suffix, "trajectory" if planned else "")
+
+
 class Interruptible(TyperGroup):
     """Commands that end on Ctrl-C with a message about the files that are kept, from the exception."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Find a command; one of a group that is named without its group gets the whole name."""
-        from robot_retarget.tools.cli.options import TAKEN_BY, kind_of
-
         _line[:] = args
         if args[0] not in self.commands and Path(args[0]).is_file():
             taken = TAKEN_BY.get(kind_of(Path(args[0])), "robot-retarget info {0} says what it is").format(args[0])

@@ -58,7 +58,9 @@ def info(subject: InfoOptions, reading: opt.ReadOptions, limits: opt.LimitOption
         motion = reading.read(Path(file))
         facts = describe_motion(motion)
         if subject.scene is not None:
-            facts |= describe_scene(motion.with_scene(rr.read_scene(subject.scene)), opt.load(opt.DEFAULT_ROBOT))
+            from robot_retarget.human.surroundings import with_scene
+
+            facts |= describe_scene(with_scene(motion, rr.read_scene(subject.scene)), opt.load(opt.DEFAULT_ROBOT))
         elif facts["human"]:
             facts |= describe_terrain(motion, opt.load(opt.DEFAULT_ROBOT))
     printing.show(facts, console.show_robot if facts["kind"] == "robot" else console.show_motion)

@@ -8,35 +8,12 @@ from typing import TYPE_CHECKING, Any, Literal
 import robot_retarget as rr
 from robot_retarget.base.choices import Balance, Legs, Preset, Terrain
 from robot_retarget.base.errors import RobotError, UsageError
-from robot_retarget.base.untrusted.limits import zip_names
 from robot_retarget.tools.cli import console
-from robot_retarget.tools.cli.command import argument, option, options
+from robot_retarget.tools.cli.command import MODELS, TAKEN_BY, argument, kind_of, option, options
 
-# Kinds of files, and the commands that take them, checked before any heavy library is loaded.
-
-MODELS = (".xml", ".mjcf", ".urdf")
-MOTIONS = (".bvh", ".amc", ".asf", ".c3d", ".mvnx", ".trc", ".glb", ".gltf", ".vrma", ".fbx")
-KINDS = {".toml": "settings"} | dict.fromkeys(MODELS, "robot") | dict.fromkeys(MOTIONS, "motion")
-TRAJECTORY_MEMBERS = {"qpos.npy", "joint_names.npy", "format_version.npy"}
 STDIN = "-"
-TAKEN_BY = {
-    "robot": "robot-retarget info {0} shows it; other commands take it as --robot {0}",
-    "motion": "robot-retarget run {0} makes a trajectory of it",
-    "trajectory": "robot-retarget view, simulate, export and play take it",
-    "settings": "commands take it by an option: --map, --limits, --edges, --servos",
-}
-"""Which command takes a file of a kind."""
-
-
 RESULT = "trajectory.npz"
 """The trajectory of a folder of results."""
-
-
-def kind_of(path: Path) -> str:
-    """A key of `TAKEN_BY`, by the suffix or the names in an archive; empty for what may be several kinds."""
-    suffix = path.suffix.lower()
-    planned = suffix == ".npz" and set(zip_names(path)) >= TRAJECTORY_MEMBERS
-    return KINDS.get(suffix, "trajectory" if planned else "")
 
 
 def taking(wanted: str) -> Callable[[Any], Any]:

@@ -158,7 +158,7 @@ def fill_folder(
         play: play what passes on an emulated bus too, for robots that ship with a servo map.
     """
     from robot_retarget.tools.summary import describe_solution
-    from robot_retarget.tools.view.web.take import view
+    from robot_retarget.tools.view.web.viewer import view
 
     out, say = how.out, (lambda text: None) if printing.json else console.say
     say(f"{motion.source} to {robot.name}: {motion.duration:.3g} s of motion")

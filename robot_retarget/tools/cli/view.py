@@ -78,7 +78,7 @@ def view(viewed: ViewOptions, drawn: DrawOptions, served: ServeOptions, printing
 
     from robot_retarget.base.files import require_writable
     from robot_retarget.tools.view.web.editor import serve_viewer
-    from robot_retarget.tools.view.web.take import Viewer
+    from robot_retarget.tools.view.web.viewer import Viewer
 
     if served.keyframes is not None:
         return _keyframes(served.keyframes, viewed, served, printing)

@@ -28,7 +28,8 @@ from robot_retarget.judge.rollout import mode_of
 from robot_retarget.tools.cli.run import save_judged
 from robot_retarget.tools.studio.facts import facts_of
 from robot_retarget.tools.view.web.editor import TakeEditor
-from robot_retarget.tools.view.web.take import Take, Viewer, human_of, take_of
+from robot_retarget.tools.view.web.take import Take, human_of, take_of
+from robot_retarget.tools.view.web.viewer import Viewer
 from robot_retarget.trajectory import Trajectory
 
 ALLOWED: dict[str, tuple[str, ...]] = {

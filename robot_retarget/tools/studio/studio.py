@@ -31,7 +31,7 @@ from robot_retarget.tools.view.web.editor import TakeEditor, touch_routes
 from robot_retarget.tools.view.web.live import LiveRobot, live_routes
 from robot_retarget.tools.view.web.serve import Served, message_of, serve
 from robot_retarget.tools.view.web.shapes import shapes_of
-from robot_retarget.tools.view.web.take import Viewer
+from robot_retarget.tools.view.web.viewer import Viewer
 
 AT_ONCE = max(os.cpu_count() or 1, 2)
 """Steps that are computed at the same time."""

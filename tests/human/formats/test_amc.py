@@ -17,7 +17,6 @@ from robot_retarget.human.read import read_motion
 from robot_retarget.human.readers import amc, bvh
 from robot_retarget.human.readers.bvh import write_bvh
 from robot_retarget.human.recognition import recognise
-from robot_retarget.human.resample import resample
 
 FOLDER = SHARED / "motions" / "other" / "asfamc"
 BVH = SHARED / "motions" / "bvh" / "cmu_cgspeed_motionbuilder" / "02_01_walk.bvh"
@@ -231,7 +230,7 @@ def test_a_motion_without_its_skeleton_says_which_file_is_missing(tmp_path):
 def test_a_walk_tells_at_which_rate_it_was_captured(rate: int):
     """The rate itself is the oracle: a walk that was captured at 30 frames per second, seen at others."""
     walk = read_motion(ROOT / "samples" / "walk.bvh")
-    seen = resample(walk, rate)
+    seen = walk.resample(rate)
     blind = Capture(seen.skeleton, seen.positions, seen.rotations, 77.0, "walk")
     found = rate_from_gait(blind)
     assert found is not None and found[0] == rate

@@ -13,7 +13,8 @@ from robot_retarget.base.errors import UsageError
 from robot_retarget.collision import warnings_of
 from robot_retarget.judge.report import Report
 from robot_retarget.tools.view.web.serve import PORT, Served, message_of, serve
-from robot_retarget.tools.view.web.take import Take, Viewer
+from robot_retarget.tools.view.web.take import Take
+from robot_retarget.tools.view.web.viewer import Viewer
 from robot_retarget.trajectory import Trajectory
 
 if TYPE_CHECKING:

@@ -31,7 +31,8 @@ from robot_retarget.tools.view.staging import FLESH, height_of
 from robot_retarget.tools.view.web.serve import message_of
 from robot_retarget.tools.view.web.shapes import shapes_of, shapes_of_scene
 from robot_retarget.tools.view.web.show import SCALAR_LAST, poses, seen
-from robot_retarget.tools.view.web.take import Take, Viewer
+from robot_retarget.tools.view.web.take import Take
+from robot_retarget.tools.view.web.viewer import Viewer
 from robot_retarget.trajectory import Trajectory
 
 RECENT = 60

@@ -2,7 +2,7 @@
 
 import gzip
 import json
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -26,9 +26,7 @@ from robot_retarget.tools.view.web.shapes import (
     shapes_of,
     shapes_of_scene,
 )
-
-if TYPE_CHECKING:
-    from robot_retarget.tools.view.web.take import Take
+from robot_retarget.tools.view.web.take import Take
 
 # Arrays in few bytes for a page: whole numbers of a step, differences along the first axis, gzip.
 #
@@ -130,7 +128,7 @@ COARSE = 1e-3
 """Resolution of charts: degrees, centimetres, newton metres."""
 
 
-def take_header(take: "Take", packer: Packer) -> dict[str, Any]:
+def take_header(take: Take, packer: Packer) -> dict[str, Any]:
     """Return the header of one take; its arrays go into the packer."""
     robot, trajectory = take.robot, take.trajectory
     times = np.arange(len(trajectory)) / trajectory.fps
@@ -220,7 +218,7 @@ def _around(scene: Scene, frames: int, packer: Packer) -> dict[str, Any]:
     }
 
 
-def _human(take: "Take", staging: Staging, packer: Packer) -> dict[str, Any]:
+def _human(take: Take, staging: Staging, packer: Packer) -> dict[str, Any]:
     figure = stick_figure(staging)
     return {
         "names": list(take.human.names) if take.human else [],
@@ -240,7 +238,7 @@ def _keypoints(robot: Robot, qpos: Floats, packer: Packer) -> dict[str, Any] | N
     return {"names": list(names), "points": packer.add(points, LENGTH), "bones": bones.tolist()}
 
 
-def _joints(take: "Take", packer: Packer) -> dict[str, Any]:
+def _joints(take: Take, packer: Packer) -> dict[str, Any]:
     robot, trajectory = take.robot, take.trajectory
     speed = joint_velocities(trajectory, robot)
     held = np.concatenate([speed, speed[-1:]]) if len(speed) else np.zeros((1, len(robot.joint_ids)))
@@ -271,7 +269,7 @@ def _stance(stance: Stance, packer: Packer) -> dict[str, Any]:
     }
 
 
-def _warnings(take: "Take", staging: Staging, packer: Packer) -> dict[str, Any]:
+def _warnings(take: Take, staging: Staging, packer: Packer) -> dict[str, Any]:
     """The nearest pairs by frame, and every warning as a stretch."""
     warnings = take.warnings
     assert warnings is not None
@@ -297,7 +295,7 @@ def _warnings(take: "Take", staging: Staging, packer: Packer) -> dict[str, Any]:
     }
 
 
-def _report(take: "Take", report: Report, shapes: list[Shape], packer: Packer) -> dict[str, Any]:
+def _report(take: Take, report: Report, shapes: list[Shape], packer: Packer) -> dict[str, Any]:
     """Return the badge, the reasons and the simulated motion, if it is that of the trajectory."""
     robot, series = take.robot, {} if take.stale else report.series
     simulated = series.get("simulated", np.zeros((0, robot.model.nq)))

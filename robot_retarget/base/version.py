@@ -1,0 +1,3 @@
+"""The version of the package, which reports and batches state."""
+
+VERSION = "0.3.0"
