@@ -15,7 +15,8 @@ from robot_retarget.tools.view.web.editor import touch_routes
 from robot_retarget.tools.view.web.serve import PORT, Served, serve
 from robot_retarget.tools.view.web.shapes import keypoints_of, shapes_of
 from robot_retarget.tools.view.web.show import poses
-from robot_retarget.tools.view.web.take import Take, Viewer, take_of
+from robot_retarget.tools.view.web.take import Take, take_of
+from robot_retarget.tools.view.web.viewer import Viewer
 from robot_retarget.trajectory import Trajectory
 
 MOST = 2000
