@@ -11,12 +11,23 @@ from urllib.error import HTTPError
 from urllib.parse import urlencode
 from urllib.request import Request, urlopen
 
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.tools.studio.project import Project
 from robot_retarget.tools.studio.studio import Studio
 from robot_retarget.tools.view.web.serve import Served
 
 PATIENCE = 120.0
 """So long a step may take on a busy machine [s]."""
+
+
+def short_clip(folder: Path) -> Path:
+    """Write a clip of 24 frames of the sample `wave`."""
+    head, frames = (SAMPLES / "wave.bvh").read_text(encoding="utf-8").split("Frame Time:", 1)
+    interval, *rows = frames.splitlines()
+    head = head.rsplit("Frames:", 1)[0] + f"Frames: 24\nFrame Time:{interval}\n"
+    path = folder / "my wave.bvh"
+    path.write_text(head + "\n".join(rows[40:64]) + "\n", encoding="utf-8")
+    return path
 
 
 class Opened:

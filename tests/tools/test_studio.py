@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 from forked import run
 from shared_files import ROOT
-from studio_page import Opened, opened_studio
+from studio_page import Opened, opened_studio, short_clip
 
 import robot_retarget as rr
 from robot_retarget.base.files import SAMPLES
@@ -28,13 +28,7 @@ from robot_retarget.tools.view.web import serve as web
 @pytest.fixture(scope="module")
 def wave(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A clip of 24 frames of the sample."""
-    text = (SAMPLES / "wave.bvh").read_text()
-    head, frames = text.split("Frame Time:", 1)
-    time_line, *rows = frames.splitlines()
-    short = head.rsplit("Frames:", 1)[0] + f"Frames: 24\nFrame Time:{time_line}\n" + "\n".join(rows[40:64]) + "\n"
-    path = tmp_path_factory.mktemp("clip") / "my wave.bvh"
-    path.write_text(short)
-    return path
+    return short_clip(tmp_path_factory.mktemp("clip"))
 
 
 @pytest.fixture(scope="module")
