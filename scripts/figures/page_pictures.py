@@ -13,7 +13,9 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from threading import Thread
 from typing import Any
+from urllib.parse import quote
 
 from PIL import Image
 from selenium import webdriver
@@ -23,6 +25,7 @@ from selenium.webdriver.chrome.service import Service
 import robot_retarget as rr
 from robot_retarget.base.files import SAMPLES, folder, replacing
 from robot_retarget.human.surroundings import with_scene
+from robot_retarget.tools.studio.studio import Studio
 
 FLAGS = (
     "--headless=new",
@@ -58,6 +61,8 @@ STILLS = {
     "still_batch": ("set/summary.html", (1000, 700), ""),
 }
 """The same for the small pictures of the README."""
+STUDIO = (1400, 800)
+"""Width and height of the window of the studio [pixels]."""
 SMALL = (480, 336)
 """Their size [pixels]."""
 
@@ -77,6 +82,27 @@ def main() -> None:
             browser.execute_script(script)
             time.sleep(DRAWN)
             _save(browser.get_screenshot_as_png(), target / f"{name}.png", SMALL if name in STILLS else None)
+        _studio(browser, pages / "studio")
+        _save(browser.get_screenshot_as_png(), target / "studio.png", None)
+
+
+def _studio(browser: Any, place: Path) -> None:
+    """Show a clip in the studio, solved and judged."""
+    opened = Studio(place)
+    served = opened.served(0)
+    Thread(target=served.forever, daemon=True).start()
+    opened.bring(SAMPLES / "wave.bvh", "op3")
+    (project,) = opened.projects.values()
+    while project.work.state != "judged":
+        if project.work.state == "solved":
+            opened.begin(project, project.judge)
+        time.sleep(DRAWN)
+    browser.set_window_size(*STUDIO)
+    browser.get(f"{served.address}#{quote(project.key, safe='')}")
+    time.sleep(2 * DRAWN)
+    browser.execute_script("viewer.player.seek(2.5)")
+    time.sleep(DRAWN)
+    served.close()
 
 
 def _pages(pages: Path) -> None:
@@ -87,7 +113,7 @@ def _pages(pages: Path) -> None:
     _command("view", *takes, "--robot", "op3", "--static", pages / "two.html")
     _bodies(pages / "bodies.html")
     result = rr.retarget(SAMPLES / "wave.bvh", "op3", balance="off")
-    (pages / "touchup.html").write_text(rr.view(result).page_with(touchable=True), encoding="utf-8")
+    (pages / "touchup.html").write_text(rr.view(result).page_with("touch"), encoding="utf-8")
     _command("batch", SAMPLES, "--robot", "op3", "--out", pages / "set")
 
 

@@ -19,7 +19,7 @@ from starlette.responses import FileResponse, JSONResponse, Response, StreamingR
 from starlette.routing import Route
 
 import robot_retarget as rr
-from robot_retarget.base.errors import RobotRetargetError, UsageError, known
+from robot_retarget.base.errors import MatchError, RobotRetargetError, UsageError, known
 from robot_retarget.base.files import SAMPLES, folder
 from robot_retarget.base.untrusted.limits import is_zip
 from robot_retarget.robot import recognise, shipped_robots
@@ -104,7 +104,10 @@ class Studio:
             return self.projects[key]
         model = self.robots[robot]
         project = Project(key, (motion, self._motion(motion)), (model, self.robot(model)), robot, self.changed)
-        project.open()
+        try:
+            project.open()
+        except MatchError as error:
+            raise MatchError(f"{motion.name} on {robot}: {error}") from error
         self.projects[key] = project
         self.begin(project, project.solve)
         return project
