@@ -23,7 +23,7 @@ FLAGS = (
     "--hide-scrollbars", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync",
     f"--window-size={SIZE[0]},{SIZE[1]}",
 )  # fmt: skip
-PATIENCE = 25.0
+PATIENCE = 90.0
 """So long a page may take to be ready on a busy machine [s]."""
 
 

@@ -33,8 +33,8 @@ export async function zipped(files) {
 
 /** The files of what was dropped, those of folders under their paths. */
 export async function droppedFiles(items) {
-  const entries = [...items].map((item) => item.webkitGetAsEntry?.()).filter(Boolean);
-  return (await Promise.all(entries.map((entry) => filesOf(entry)))).flat();
+  const found = [...items].filter(({ kind }) => kind === "file").map((item) => item.webkitGetAsEntry?.() ?? item.getAsFile());
+  return (await Promise.all(found.map((each) => (each instanceof File ? [{ path: each.name, file: each }] : filesOf(each))))).flat();
 }
 
 async function filesOf(entry) {
