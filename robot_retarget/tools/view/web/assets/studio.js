@@ -251,6 +251,7 @@ export class Studio {
 
   #details() {
     this.worked = null;
+    this.robot.value = this.line?.robot ?? this.robot.value;
     this.#draw();
     this.#drawVerdict();
     this.#drawMarks();

@@ -68,7 +68,8 @@ export class Touch {
     this.on = !this.on;
     this.form.hidden = !this.on;
     this.button.classList.toggle("on", this.on);
-    if (this.on && !this.panel.shown.keypoints) this.panel.toggle("keypoints");
+    if (this.on !== this.panel.shown.keypoints && (this.on || this.lit)) this.panel.toggle("keypoints");
+    this.lit = this.on; // what it switched on it switches off
     if (!this.on) this.pick([]);
   }
 
