@@ -29,9 +29,9 @@ export class Touch {
     this.form = holder;
     this.made = null; // the ends of the latest edit, while no others are picked
     this.ends = made("b", { textContent: "nothing picked" });
-    this.relation = made("select", { id: "relation" }, ...Object.entries(RELATIONS).map(([value, text]) => made("option", { value, textContent: text })));
-    const number = (id, step) => made("input", { type: "number", id, step, min: 0 });
-    Object.assign(this, { far: number("far", 0.5), from: number("from", 0.05), to: number("to", 0.05) });
+    this.relation = made("select", { id: "relation", ariaLabel: "how the two are to be" }, ...Object.entries(RELATIONS).map(([value, text]) => made("option", { value, textContent: text })));
+    const number = (id, step, ariaLabel) => made("input", { type: "number", id, step, min: 0, ariaLabel });
+    Object.assign(this, { far: number("far", 0.5, "distance [cm]"), from: number("from", 0.05, "from [s]"), to: number("to", 0.05, "to [s]") });
     this.far.value = 5;
     this.hard = made("input", { type: "checkbox", id: "hard" });
     const act = (id, textContent, does) => {
