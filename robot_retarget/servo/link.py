@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_retarget.actuators.control_tables import WATCHDOG_UNIT, Register, direct
+from robot_retarget.actuators.goals import RATE
 from robot_retarget.actuators.map import ServoMap
 from robot_retarget.base.arrays import Bools, Floats, Ints
 from robot_retarget.servo.bus import PATIENCE, Bus
@@ -89,8 +90,8 @@ class Gate:
             raise FaultError(f"{servo.joint} (servo {servo.id}) was to be sent {what}: not sent")
 
 
-CYCLE_PATIENCE = 0.006
-"""Timeout of an answer within a tick, beyond its time on the wire [s]: three quarters of the 8 ms of a tick."""
+CYCLE_PATIENCE = 0.75 / RATE
+"""Timeout of an answer within a tick, beyond its time on the wire [s]: three quarters of a tick."""
 
 
 class ServoGoals(NamedTuple):

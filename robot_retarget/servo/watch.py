@@ -9,6 +9,7 @@ import serial
 
 from robot_retarget.actuators.balance_tables import STANDARD_GRAVITY, Balance, Imu
 from robot_retarget.actuators.feedback import Feedback, Fusion, Law
+from robot_retarget.actuators.goals import RATE
 from robot_retarget.actuators.inertial import LYING, LeanTest, Monitor, Reading, fallen, rest_faults
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import ServoError
@@ -28,8 +29,8 @@ GYRO_UNIT = np.radians(2000.0 / 32800)
 ACCEL_UNIT = 2.0 / 32768 * STANDARD_GRAVITY
 """[m/s²]."""
 SIZE = ROLL - GYRO
-PATIENCE = 0.004
-"""A reading that comes later than this is lost for the tick [s]: half of the 8 ms of a tick."""
+SENSOR_PATIENCE = 0.5 / RATE
+"""A reading that comes later than this is lost for the tick [s]: half of a tick."""
 
 
 def encoded(reading: Reading, mounting: Floats) -> bytes:
@@ -53,7 +54,7 @@ class OpenCr:
 
     def read(self) -> Reading | None:
         """The present reading, or None if no answer came in time."""
-        data = self._bus.try_read(self._question, self._imu.id, SIZE, PATIENCE)
+        data = self._bus.try_read(self._question, self._imu.id, SIZE, SENSOR_PATIENCE)
         return None if data is None else decoded(data, self._imu.mounting)
 
 

@@ -47,9 +47,6 @@ class ClearanceKind(Kind):
     """Bodies that are farther have no rows, over the leg [-]; more rows oppose each other where feet stand among
     blocks. With half and with double the jerk of the OP3 in the box sample is 25.6 and 21.2 in place of 19.9 rad/s³, at
     the same limbs (0.04°)."""
-    stream_reach: float = 0.06
-    """In streams, whose one step moves a hand farther than a pass of a clip [-]. Half and double do not change the box
-    sample."""
     scene: PlacedScene | None = None
 
     def targets(self, context: RetargetContext) -> Track | None:
@@ -86,10 +83,6 @@ class ClearanceKind(Kind):
         poses, every = poses_of(track.data, self.scene), enumerate(self.scene.scene.bodies)
         moved = (body if body.fixed else replace(body, poses=poses[:, k]) for k, body in every)
         return replace(self.scene.scene, bodies=tuple(moved))
-
-    def for_stream(self) -> "ClearanceKind":
-        """Return the kind with the reach of streams."""
-        return replace(self, reach=self.stream_reach)
 
     def rows(self, track: Track, state: RowState) -> MeasureRows | None:
         """Return the distances of near links and bodies."""

@@ -62,25 +62,24 @@ class Pacing:
     transfer: float = 0.2
     """Least duration of a shift of weight, with all feet on the floor [s]: on a foot that lands a little tilted, the body sways.
     With half and double the sample walk takes 1.5 and 1.8 times the human's time, and its legs are 12.5 and 9.6° from the human's."""
-    shift: float = 1.25
-    """Factor per round on frames with all feet on the floor, near a shift of weight that comes too late. Half and double of it, of
-    `near`, `most`, `blend`, `shifts` and `rounds` change nothing in the sample walk, in static and in dynamic balance."""
-    near: float = 0.5
-    """Largest time distance from that shift, in time of the playback [s]."""
+    near: float = swing
+    """Largest time distance, in time of the playback, from a shift of weight that comes too late [s]: the swing beside it."""
     slack: float = 1.2
     """Needs up to this factor are ignored: a servo can exceed its limits slightly for a moment. Measured with 1, and the
     playback of the rounds that needs least: `02_01_walk` and `bn_walk` take 3 % longer on the OP3, and fall in none of four drawn worlds either way."""
     burst: float = 1.3
     """Loads may need so many times more for a moment: the OP3's knees do at the ends of a swing in walks that stay up in soft worlds.
     Measured with 1 and a sweep of 1.3: the sample walk at 2.1 times its speed takes 2.4 instead of 1.5 times the human's time."""
-    most: float = 1.5
-    """Largest factor on any frame per round."""
-    blend: float = 0.07
-    """Time over which the pace changes, in time of the playback [s]."""
-    shifts: int = 24
-    """Number of rounds of shifting weight, which are cheap ..."""
+    shift: float = slack
+    """Factor per round on frames with all feet on the floor near that shift [-]: the least need that is not ignored."""
     rounds: int = 6
-    """... and rounds of the whole motion."""
+    """Number of rounds of the whole motion. Half and double change nothing in the sample walk, in static and in dynamic balance."""
+    most: float = slowest ** (2 / rounds)
+    """Largest factor on any frame per round [-]: half of the rounds reach the largest slowdown."""
+    shifts: int = 4 * rounds
+    """Number of rounds of shifting weight, which are cheap."""
+    blend: float = transfer / 3
+    """Time over which the pace changes, in time of the playback [s]: a third of a shift of weight, whose middle keeps its pace."""
 
 
 def least_durations(planted: np.ndarray, fps: float, pacing: Pacing, shares: Floats | None = None) -> Floats:
@@ -193,7 +192,7 @@ FORESEEN = 2
 """Rounds of the steps alone before limbs are solved: in `soma30_walk_then_sneak` the least margin is −15.3 mm after the first and 3.5 mm after the second."""
 MOMENTS = 16
 """Frames whose limbs tell how like the human's a playback will be: in seven clips the trunk is within 3.7° of that of the playback, and legs within 2.1°."""
-ROUNDS = 1.5
+EXPECTED_ROUNDS = 1.5
 """Expected number of rounds of planting, including the first."""
 
 
@@ -249,7 +248,7 @@ class Balanced:
 
 def expected_steps(graph: RobotGraph) -> int:
     """Estimate the progress steps of `in_balance`: the playback takes about twice as long as the clip."""
-    return round(2 * ROUNDS * len(graph) * Smoothing().passes)
+    return round(2 * EXPECTED_ROUNDS * len(graph) * Smoothing().passes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -425,7 +424,7 @@ def played(ik: BalancedIk, clip: PlaybackClip, plan: PlaybackPlan, count: Count)
     """
     timeline, tracks = plan.timeline, _tracks(ik, clip, plan)
     solver_clip = clip_of(ik.solver, tracks, Smoothing(), clip.fps)
-    count.expect(round(ROUNDS * len(plan.targets) * Smoothing().passes))
+    count.expect(round(EXPECTED_ROUNDS * len(plan.targets) * Smoothing().passes))
     poses = Passes(solver_clip, np.array(plan.targets)).finish(count)
     pressed = tread(ik.robot, np.array([pose.qpos for pose in poses]), timeline.fps, QUICK, plan.planes)
     standing = [spots[down].reshape(-1, 3) for spots, down in zip(plan.places, timeline.planted, strict=True)]
