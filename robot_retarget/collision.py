@@ -6,7 +6,7 @@ at a configuration q, the interaction distance over a horizon of H steps is
 
     D = min_{0 ≤ k ≤ H} d(q + k v),    α = 1 + the k of the minimum.
 
-The minimum includes fractions of a step where a hinge turns by more than `robot.kinematics.TURN` in it. A pair is flagged while
+The minimum includes fractions of a step where a hinge turns by more than `robot.kinematics.CHECKED_TURN` in it. A pair is flagged while
 D is at most the margin and the links approach, or when they overlap now or on the way since the previous step. A flag is held for the
 release time, so that it does not flicker. A link and a body of a scene are flagged while the link is about to be deeper in
 the body than a touch; bodies continue with their last step as well. A stretch of flagged frames is an event. In a stream, everything at

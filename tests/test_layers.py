@@ -213,7 +213,11 @@ def test_no_two_public_classes_share_a_name() -> None:
         ('BROKEN = 3\n"""Exit code for a file that is refused."""', "fact"),
         ('LARGE = 1e4\n"""A longer limb is refused [m]."""', "bound"),
         ('TWICE = 2 * LARGE\n"""[m]."""', "derived"),
-        ('KNEE = 0.4\n"""Of a leg [-]: half and double find the same knees in 20 clips."""', "sourced"),
+        ('KNEE = 0.4\n"""Of a leg [-]: half and double find the same knees in 20 clips."""', "without"),
+        ('KNEE = 0.4\n"""Of a leg [-]: half and double move the knees of 20 clips by 2 and 3 cm."""', "sourced"),
+        ('KNEE = 0.4\n"""Of a leg [-], as on page 2: 40 %."""', "without"),
+        ('PI: float = 0.4\n"""Of knees [-] (4.61, 4.61)."""', "without"),
+        ('PI: float = 0.4\n"""Of knees [-] (4.18, 5.09)."""', "sourced"),
         ('KNEE = (1.0, 0.4)\n"""Of a leg [-]."""', "without"),
         ('KNEE: float = field(default=0.4, metadata=within(0, 1, ""))\n"""Of a leg [0, 1]."""', "without"),
     ],
@@ -231,6 +235,19 @@ def test_numbers_without_a_source_become_no_more() -> None:
         number for path in PACKAGE.rglob("*.py") for number, origin in tool["numbers"](path) if origin == "without"
     ]
     assert len(found) <= tool["MOST"], sorted(found)
+
+
+def test_the_name_of_a_number_has_one_value_in_all_modules() -> None:
+    """Two modules may share a name only with its value; the two protocols of servos share theirs as one interface."""
+    values: dict[str, dict[str, float]] = {}
+    for path in set(PACKAGE.rglob("*.py")) - {PACKAGE / "servo/protocol1.py"}:
+        for node in ast.parse(path.read_text()).body:
+            match node:
+                case ast.Assign([ast.Name(name)], ast.Constant(int() | float() as value)) | ast.AnnAssign(
+                    ast.Name(name), value=ast.Constant(int() | float() as value)
+                ) if not isinstance(value, bool):
+                    values.setdefault(name.lstrip("_"), {})[path.relative_to(PACKAGE).as_posix()] = value
+    assert not {name: homes for name, homes in values.items() if len(set(homes.values())) > 1}
 
 
 def test_every_file_of_tests_has_a_name_of_its_own() -> None:

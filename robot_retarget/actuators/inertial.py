@@ -218,7 +218,7 @@ HELD = 0.2
 """A lean is held for this time, in which the accelerometer is averaged [s]: the noise of a mean of 25 readings is a fifth."""
 PART = 0.5
 """A lean is measured from this part of it on; more about the other axis is a fault. Fewer readings than this are silence."""
-LATE = 0.12
+LATE_READING = 0.12
 """Readings later than this after the goals plus the sensor's own delay are a fault [s]: servos lag by 0.05 to 0.07 s."""
 LONGEST_LAG = 0.3
 """Lags up to this are looked for [s]: over four times the 0.07 s of servos, so that a late sensor is found and named."""
@@ -263,7 +263,7 @@ class LeanTest:
             turned = np.nancumsum(readings[:, 0, :2] - spin[:2], axis=0)[self._top[len(self._top) // 2]] / self._rate
             found += _faults("accelerometer", axis, tilt) + _faults("gyroscope", axis, turned)
         late = self._lag(leans, spin) - self._delay
-        if not found and late > LATE:
+        if not found and late > LATE_READING:
             found.append(
                 f"the inertial sensor measures the test lean {late:.2f} s late: its delay is not that of [imu]"
             )

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from robot_retarget.base.files import folder, replacing
 
-PATIENCE = 600.0
+BUILD_PATIENCE = 600.0
 """Longest time in which a file is made [s]; older temporary files are left over from processes that were killed. The
 largest function of the G1 is compiled in 4 s of a core, and in more than 60 s on a machine with much other work."""
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
@@ -98,7 +98,7 @@ def _checksum(path: Path, name: str | None = None) -> str:
 
 
 def _sweep(cache: Path) -> None:
-    """Remove the temporary files of processes that were killed: none takes longer than `PATIENCE`."""
+    """Remove the temporary files of processes that were killed: none takes longer than `BUILD_PATIENCE`."""
     for scratch in cache.glob(".*"):
-        if time.time() - scratch.stat().st_mtime > PATIENCE:
+        if time.time() - scratch.stat().st_mtime > BUILD_PATIENCE:
             scratch.unlink(missing_ok=True)

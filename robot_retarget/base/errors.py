@@ -21,7 +21,7 @@ def printable(text: str, instead: Callable[[int], str] = lambda code: " ") -> st
     return "".join(c if c.isprintable() or c == "\n" else instead(ord(c)) for c in text)
 
 
-LONGEST = 2000
+LONGEST_MESSAGE = 2000
 """Of a message [characters]; the longest of the package's own tests has 1,300. A message keeps its two ends."""
 
 
@@ -30,8 +30,8 @@ class RobotRetargetError(Exception):
 
     def __init__(self, message: str = "", *more: object):
         text = printable(str(message)).replace("\n", " ")
-        half = LONGEST // 2 - 2
-        super().__init__(text if len(text) <= LONGEST else f"{text[:half]} … {text[-half:]}", *more)
+        half = LONGEST_MESSAGE // 2 - 2
+        super().__init__(text if len(text) <= LONGEST_MESSAGE else f"{text[:half]} … {text[-half:]}", *more)
 
 
 class FileError(RobotRetargetError):

@@ -15,7 +15,7 @@ from robot_retarget.base.arrays import Bools, Floats, Ints, intervals, lengths
 from robot_retarget.base.keypoints import SIDES
 from robot_retarget.contact.record import ContactRecord, standing_on
 
-WINDOW = 0.6
+TOUCHES_FLOOR = 0.6
 """A body touches the floor at least once in twice this time [s]: a jump of 1.2 s would rise 1.8 m."""
 
 
@@ -165,15 +165,15 @@ def entered_runs(enter: Bools, stay: Bools) -> Bools:
 
 
 def lowest_over_time(heights: Floats, fps: float) -> Floats:
-    """Return the lowest of heights (T, K) within `WINDOW` to either side of each frame (T,), smoothed."""
-    reach = max(1, round(WINDOW * fps))
+    """Return the lowest of heights (T, K) within `TOUCHES_FLOOR` to either side of each frame (T,), smoothed."""
+    reach = max(1, round(TOUCHES_FLOOR * fps))
     lowest = minimum_filter1d(heights.min(axis=1), 2 * reach + 1, mode="nearest")
     return uniform_filter1d(lowest, reach, mode="nearest")
 
 
 def over_lowest(low: Floats, fps: float) -> Floats:
-    """Return heights (T, F) over the lowest of all within `WINDOW` to either side of each frame: captures drift in height."""
-    floor = minimum_filter1d(low.min(axis=1), 2 * round(WINDOW * fps) + 1, mode="nearest")
+    """Return heights (T, F) over the lowest of all within `TOUCHES_FLOOR` to either side of each frame: captures drift in height."""
+    floor = minimum_filter1d(low.min(axis=1), 2 * round(TOUCHES_FLOOR * fps) + 1, mode="nearest")
     return low - floor[:, None]
 
 
@@ -248,7 +248,7 @@ def on_soles(contacts: ContactRecord, segments: Mapping[str, Floats]) -> Contact
 
 
 def high_feet(heights: Floats, fps: float) -> Bools:
-    """Return (T,) whether all parts of the feet are high over the lowest that they are within `WINDOW` of each frame.
+    """Return (T,) whether all parts of the feet are high over the lowest that they are within `TOUCHES_FLOOR` of each frame.
 
     On tiptoe the toes stay low.
 

@@ -15,10 +15,10 @@ from robot_retarget.robot.dynamics import momenta, tread
 from robot_retarget.robot.kinematics import world_points
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.support import Feet, Planes, feet_of, level_planes, planes_through, support
-from robot_retarget.scene.geoms import REST, SolidGround
+from robot_retarget.scene.geoms import RESTING, SolidGround
 from robot_retarget.trajectory import Trajectory
 
-DOWN = REST
+DOWN = RESTING
 """Sole points of a touching foot this near to the floor carry it [m]."""
 SMOOTH = 0.05
 """Of the momenta of a plan [s]: of a walk on the OP3 the 99th percentile of the torques is 0.77 of the limits with

@@ -81,11 +81,11 @@ def _plane(root: Floats, left: Floats) -> tuple[Floats, Floats]:
 # A branch is a separate trajectory. It has the frames and the goals of the playback up to its moment, and it is judged as any
 # trajectory. A player continues to the next moment and takes the branch there.
 
-REST = 0.5
+TO_REST = 0.5
 """The motion comes to rest along its path within this time [s]: from 4 rad/s, a servo slows down by 8 rad/s²."""
 HANDOVER = 0.2
 """The goals of a branch begin at most this time before a moment, at the row nearest to those of the playback [s]."""
-SAME = 0.05
+SAME_GOALS = 0.05
 """Goals that are farther apart there were computed in another way, and the trajectory is refused [rad]."""
 
 
@@ -106,7 +106,7 @@ def ways_into_stand(
         lacks = "has no goals: simulate it first" if trajectory.balance else "was not planned with balance"
         raise TrajectoryError(f"the trajectory {lacks}")
     part = Part(trajectory, performed(trajectory, robot))
-    last = len(trajectory) - 1 - part.lead_out - round(REST * trajectory.fps)
+    last = len(trajectory) - 1 - part.lead_out - round(TO_REST * trajectory.fps)
     for frame in range(part.lead_in, last, max(1, round(every * trajectory.fps))):
         try:
             branch = _branch(part, robot, frame)
@@ -135,7 +135,7 @@ def _branch(part: Part, robot: Robot, frame: int) -> Trajectory:
     at = np.interp(timeline.at[begin:], np.arange(len(frames)), frames) / trajectory.fps
     own = sample(trajectory, robot, at)
     solved = placed_by_foot(result.trajectory.qpos[begin:], own[0], robot)
-    left = 1 - minimum_jerk(np.clip(np.arange(len(own)) / (REST * trajectory.fps), 0, 1))
+    left = 1 - minimum_jerk(np.clip(np.arange(len(own)) / (TO_REST * trajectory.fps), 0, 1))
     tail = [integrate(robot, b, w * difference(robot, b, a)) for a, b, w in zip(own, solved, left, strict=True)]
     times = np.concatenate([trajectory.source_time[:frame], np.full(len(tail), trajectory.source_time[frame])])
     return trajectory.altered(qpos=np.concatenate([trajectory.qpos[:frame], tail]), source_time=times)
@@ -143,8 +143,8 @@ def _branch(part: Part, robot: Robot, frame: int) -> Trajectory:
 
 def coming_to_rest(frame: int, run_up: int, fps: float) -> Floats:
     """Return frames before a frame, then at a speed that falls linearly to zero."""
-    u = np.arange(1, round(REST * fps) + 1) / fps
-    return np.concatenate([np.arange(frame - run_up, frame + 1.0), frame + (u - u**2 / (2 * REST)) * fps])
+    u = np.arange(1, round(TO_REST * fps) + 1) / fps
+    return np.concatenate([np.arange(frame - run_up, frame + 1.0), frame + (u - u**2 / (2 * TO_REST)) * fps])
 
 
 def placed_by_foot(qpos: Floats, start: Floats, robot: Robot) -> Floats:
@@ -174,7 +174,7 @@ def _judged(trajectory: Trajectory, branch: Trajectory, robot: Robot, frame: int
     moment = round((known.lead_in + frame / trajectory.fps) * known.rate)
     near = slice(moment - round(HANDOVER * known.rate), moment)
     apart = np.abs(own.angles[near] - known.angles[near]).max(axis=1)
-    if own.rate != known.rate or apart.min() > SAME:
+    if own.rate != known.rate or apart.min() > SAME_GOALS:
         raise TrajectoryError(
             "the goals of the trajectory are not those of `simulate` with compensation: simulate it again"
         )

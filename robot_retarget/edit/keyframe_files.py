@@ -144,7 +144,7 @@ def keyframe_file(name: str | Path, robot: Robot) -> KeyframeFile:
 # JSON, as of the animations of the Bit-Bots.
 
 DEGREE = float(np.pi / 180)
-DECIMALS = 4
+ANGLE_DECIMALS = 4
 """Of an angle that is written [°], by definition: a hundredth of a step of the encoders."""
 
 
@@ -175,7 +175,7 @@ def _to_json(file: KeyframeFile, poses: Sequence[Pose]) -> bytes:
         goals, theirs = {}, _goals(row, file.robot)
         for joint, angle in pose.angles.items():
             name, value = theirs.get(joint, (joint, "nan"))
-            goals[name] = value if float(value) * DEGREE == angle else round(angle / DEGREE, DECIMALS)
+            goals[name] = value if float(value) * DEGREE == angle else round(angle / DEGREE, ANGLE_DECIMALS)
         rows.append(row | {"duration": pose.seconds, "pause": pose.pause, "goals": goals})
     return (json.dumps(content | {"keyframes": rows}, indent=4) + "\n").encode()
 

@@ -13,7 +13,7 @@ import numpy as np
 from robot_retarget.base.arrays import Floats, frozen, least_jerk
 from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.edit.touchup import REST, apply_edit
-from robot_retarget.formats.action_pages import LONGEST
+from robot_retarget.formats.action_pages import LONGEST_UNEVEN
 from robot_retarget.graph.describe import describe
 from robot_retarget.graph.edits import Edit
 from robot_retarget.human.robot_performer import performed
@@ -49,8 +49,8 @@ class Keyframe:
         if not np.isfinite(self.angles).all():
             raise TrajectoryError("an angle of a keyframe is not finite")
         for what, value in (("seconds", self.seconds), ("pause", self.pause)):
-            if not 0 <= value <= LONGEST:
-                raise TrajectoryError(f"{what} of a keyframe must be 0 to {LONGEST:g}, got {value:g}")
+            if not 0 <= value <= LONGEST_UNEVEN:
+                raise TrajectoryError(f"{what} of a keyframe must be 0 to {LONGEST_UNEVEN:g}, got {value:g}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,8 +103,8 @@ def motion_through(keyframes: Sequence[Keyframe], robot: Robot) -> KeyframedMoti
             break
         spans = spans * np.maximum(shares.max(axis=1), 1.0)
     times = np.concatenate([[0.0], np.cumsum(pauses[:-1] + spans)])
-    if times[-1] + pauses[-1] > LONGEST:
-        raise TrajectoryError(f"the keyframes last {times[-1] + pauses[-1]:.0f} s, more than {LONGEST:g} s")
+    if times[-1] + pauses[-1] > LONGEST_UNEVEN:
+        raise TrajectoryError(f"the keyframes last {times[-1] + pauses[-1]:.0f} s, more than {LONGEST_UNEVEN:g} s")
     notes = [
         f"The way to keyframe {k + 2} takes {spans[k]:.2f} s instead of {wanted[k]:.2f} s: {robot.joint_names[j]} turns at most {robot.max_speed[j]:.3g} rad/s."
         for k, j in enumerate(shares.argmax(axis=1).tolist())

@@ -23,7 +23,7 @@ SLIP = 0.04
 """A foot may be this far from its place at a seam without a step [leg lengths]: a centimetre on a leg of 25 cm."""
 GRIP = Pacing.friction * g
 """Largest horizontal acceleration of the body [m/s²]: that of the friction of balanced playback."""
-NEAR = 1.0
+SOUGHT = 1.0
 """Better frames are sought this far from the requested ones [s]."""
 NAMES = {"l": "left", "r": "right"}
 Places = NDArray[np.complex128]
@@ -243,7 +243,7 @@ def table_of(before: Motion, after: Motion, seam: Seam, balanced: bool = True) -
 def found_seam(
     before: Motion, after: Motion, leave: int, enter: int, frames: int, balanced: bool, best: bool = False
 ) -> Seam:
-    """Return the seam at requested frames, or at the best ones within `NEAR` of them.
+    """Return the seam at requested frames, or at the best ones within `SOUGHT` of them.
 
     Args:
         before: motion of a performer.
@@ -267,7 +267,7 @@ def found_seam(
     asked = table_of(before, after, Seam(leave, enter, frames), balanced)
     if asked.fits[0, 0] and not best:
         return Seam(leave, enter, frames)
-    reach = round(NEAR * before.fps)
+    reach = round(SOUGHT * before.fps)
     leaves = np.arange(max(leave - reach, frames), min(leave + reach, len(before) - 1) + 1)
     enters = np.arange(max(enter - reach, 0), min(enter + reach, len(after) - 1 - frames) + 1)
     near = replace(asked.before, first=leaves - frames), replace(asked.after, first=enters)
@@ -281,6 +281,6 @@ def _refusal(before: Motion, after: Motion, reasons: Iterable[str], pair: tuple[
     """Return why two motions do not fit together, and which frames do."""
     named = f"{before.source or 'a clip'} cannot continue with {after.source or 'the next'}"
     if pair is None:
-        return f"{named}: {'; '.join(reasons)}; no frames within {NEAR:g} s do"
+        return f"{named}: {'; '.join(reasons)}; no frames within {SOUGHT:g} s do"
     at = f"{pair[0] / before.fps:.2f}:{pair[1] / after.fps:.2f}"
-    return f"{named}: {'; '.join(reasons)}; the best frames within {NEAR:g} s are --at {at}"
+    return f"{named}: {'; '.join(reasons)}; the best frames within {SOUGHT:g} s are --at {at}"

@@ -153,7 +153,7 @@ def retimed(motion: Motion, speed: float) -> Motion:
     return replace(straight, positions=positions, rotations=rotations)
 
 
-FADE = 0.4
+SEAM_TIME = 0.4
 """Least duration of a seam by default [s]: that of a swing in a walk, 0.35 to 0.5 s."""
 SHARE = 0.5
 """Share of a joint's speed that a seam of the default duration uses [-]: the other half is left to the clips, which move in
@@ -185,8 +185,8 @@ def sequence(
         robot: a robot, or a name or model file that `load_robot` loads.
         at: per seam the time at which the clip before is left and that at which the clip after is entered [s]; None, and seams
             beyond the last entry, take the end and the beginning.
-        best: move every seam to the best frames within `seam.NEAR`.
-        fade: duration of a seam [s]; by default as long as the joints need, `FADE` at least.
+        best: move every seam to the best frames within `seam.SOUGHT`.
+        fade: duration of a seam [s]; by default as long as the joints need, `SEAM_TIME` at least.
         speed: factor of the speed [-].
         fps, weights, preset, legs, balance, progress: as in `retarget`.
 
@@ -294,7 +294,7 @@ def _seam(
     frames = [(last - before.lead_out, after.lead_in), (last, 0)] if times is None else [_at(times, fps)]
 
     def found(leave: int, enter: int) -> Seam:
-        length = fade or max(FADE, _time_of_joints(robot, before, after, leave, enter))
+        length = fade or max(SEAM_TIME, _time_of_joints(robot, before, after, leave, enter))
         return found_seam(before.motion, after.motion, leave, enter, max(1, round(length * fps)), balanced, best)
 
     for pair in frames[:-1]:

@@ -29,9 +29,9 @@ from robot_retarget.trajectory import Trajectory
 
 LENGTHEN = 1.1
 """Factor by which a way lasts longer until no joint is faster than it may be [-]: the least duration is met within 10 % ..."""
-LONGEST = 10.0
+LONGEST_WAY = 10.0
 """... or until this time [s]: a joint that is too fast in the trajectory is too fast at the end of its way, too."""
-RAMP = 1.5
+STEEPEST = 1.5
 """Largest slope of a smoothstep, with which the root comes to its speed [-]."""
 HASTE = Spread().friction[0] * g
 """Largest acceleration of the root along the floor, that of the most slippery floor of drawn worlds [m/s²]."""
@@ -72,7 +72,7 @@ def _way_from_stand(path: Floats, robot: Robot, fps: float, seconds: float) -> F
     while True:
         way, risen = _smooth_way(stand, path, robot, fps, seconds)
         angles = np.concatenate([way, path[:1]])[:, robot.qpos_index]
-        if seconds >= LONGEST or (np.abs(np.diff(angles, axis=0)) * fps <= robot.max_speed + 1e-9).all():
+        if seconds >= LONGEST_WAY or (np.abs(np.diff(angles, axis=0)) * fps <= robot.max_speed + 1e-9).all():
             break
         seconds *= LENGTHEN
     way[:, robot.qpos_index] = np.clip(angles[:-1], robot.lower, robot.upper)
@@ -99,7 +99,7 @@ def _smooth_way(stand: Floats, path: Floats, robot: Robot, fps: float, seconds: 
     floor = root_travel(robot)[:2] if robot.floating else np.zeros(0, dtype=int)
     speed = float(np.linalg.norm(velocity[floor]))
     lasts = np.full(len(change), seconds)
-    lasts[floor] = max(seconds, RAMP * speed / HASTE)
+    lasts[floor] = max(seconds, STEEPEST * speed / HASTE)
     lasts = np.maximum(1, np.round(lasts * fps)) / fps
     ahead, count, shift = velocity[floor] / max(speed, 1e-9), round(lasts.max() * fps), velocity * lasts
     back = max(0.0, speed * lasts.max() / 2 - float(change[floor] @ ahead)) * ahead

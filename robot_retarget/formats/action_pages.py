@@ -38,7 +38,7 @@ TIME_BASE, SPEED, GAIN, INVALID = 0x0A, 32, 0x55, 0x4000
 """The schedule by time, the speed at which a time is a number of cycles, the gain of new pages, and a position of none."""
 CYCLE = 0.008
 """Of the player [s]."""
-LONGEST = 3600.0
+LONGEST_UNEVEN = 3600.0
 """Of a motion whose steps are not even, which is read at every cycle [s]."""
 BETWEEN = 3
 """Cycles that the player spends between the sections of a step."""
@@ -182,8 +182,8 @@ def _even(angles: Floats, durations: Floats) -> tuple[Floats, float]:
     if np.allclose(durations[1:], durations[:1]):
         return angles, float(1 / durations[0])
     times = np.cumsum(durations) - durations[0]
-    if times[-1] > LONGEST:
-        raise TrajectoryError(f"its steps and pauses last {times[-1]:.0f} s, more than {LONGEST:g} s")
+    if times[-1] > LONGEST_UNEVEN:
+        raise TrajectoryError(f"its steps and pauses last {times[-1]:.0f} s, more than {LONGEST_UNEVEN:g} s")
     grid = np.arange(0.0, times[-1] + CYCLE / 2, CYCLE)
     return np.stack([np.interp(grid, times, column) for column in angles.T], axis=1), 1 / CYCLE
 

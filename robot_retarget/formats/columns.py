@@ -20,7 +20,7 @@ LAST_FIRST = (1, 2, 3, 0)
 FIRST_LAST = (3, 0, 1, 2)
 """x y z w → w x y z."""
 ORDERS = ("wxyz", "xyzw")
-UPRIGHT = 0.5
+ORDER_DOUBT = 0.5
 """Gain of uprightness in the other order that makes the order doubtful [cosine of the root's lean]."""
 
 
@@ -44,7 +44,7 @@ def doubt(quaternion: Floats, format: str, robot: Robot) -> tuple[str, ...]:
         return ()
     other = ORDERS[1 - ORDERS.index(format)]
     read, swapped = (_upright(values, robot) for values in (quaternion, reordered(quaternion, format, other)))
-    if swapped < read + UPRIGHT:
+    if swapped < read + ORDER_DOUBT:
         return ()
     return (f"Read as {format} the robot leans or lies; as {other} it would stand: if so, say --quaternion {other}.",)
 
@@ -57,7 +57,7 @@ def _upright(quaternion: Floats, robot: Robot) -> float:
     return float(np.median((turns * stands.inv()).apply([0.0, 0.0, 1.0])[:, 2]))
 
 
-UNIT = 0.05
+COLUMN_NORM = 0.05
 """Largest deviation of a quaternion's norm from one; beyond it the columns are out of order. Straight interpolation between
 two rotations 36° apart strays by it."""
 NOTED = 1e-3
@@ -255,8 +255,8 @@ def _unit(quaternion: Floats) -> tuple[Floats, tuple[str, ...]]:
     """(T, 4) normalised, with a note where that changes more than rounding."""
     norms = np.linalg.norm(quaternion, axis=1, keepdims=True)
     off = np.abs(norms[:, 0] - 1.0)
-    if off.max(initial=0.0) > UNIT:
-        frame = int(np.argmax(off > UNIT))
+    if off.max(initial=0.0) > COLUMN_NORM:
+        frame = int(np.argmax(off > COLUMN_NORM))
         raise TrajectoryError(
             f"frame {frame}: the root's quaternion has the norm {norms[frame, 0]:.4g}; are the columns in another order?"
         )

@@ -7,7 +7,7 @@ import numpy as np
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.base.untrusted.arrays import save_npz, shaped
-from robot_retarget.base.untrusted.rotations import UNIT
+from robot_retarget.base.untrusted.rotations import UNIT_NORM
 from robot_retarget.formats.bodies import body_tracks, central, turning, velocities
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.robot_motion import RobotMotion
@@ -86,7 +86,7 @@ def _root(qpos: Floats) -> list[int]:
     Raises:
         TrajectoryError: both or neither of the two places hold unit quaternions.
     """
-    first, second = (np.abs(np.linalg.norm(qpos[:, k : k + 4], axis=1) - 1).max() < UNIT for k in (0, 3))
+    first, second = (np.abs(np.linalg.norm(qpos[:, k : k + 4], axis=1) - 1).max() < UNIT_NORM for k in (0, 3))
     if first == second:
         what = "both columns 0–3 and 3–6 are" if first else "neither columns 0–3 nor 3–6 are"
         raise TrajectoryError(f"{what} unit quaternions: the order of the root is ambiguous")

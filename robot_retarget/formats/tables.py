@@ -81,7 +81,7 @@ FREE_COLUMNS = ("x [m]", "y [m]", "z [m]", "qw [-]", "qx [-]", "qy [-]", "qz [-]
 HINGE_UNIT = " [rad]"
 CONTACT = "_contact [-]"
 """Ends the name of a column that says whether a foot stands."""
-EVEN = 0.01
+STRAY_TIME = 0.01
 """Times may stray from even ones by this part of a frame: a table is played at one rate."""
 
 
@@ -157,7 +157,7 @@ def rate(times: Floats) -> float | None:
     if len(times) < 2:
         return None
     fps = (len(times) - 1) / (times[-1] - times[0]) if times[-1] > times[0] else 0.0
-    strayed = np.abs((times - times[0]) * fps - np.arange(len(times))) > EVEN
+    strayed = np.abs((times - times[0]) * fps - np.arange(len(times))) > STRAY_TIME
     if fps <= 0 or strayed.any():
         row = int(np.argmax(strayed)) if fps > 0 else len(times) - 1
         raise TrajectoryError(f"times are not even: frame {row} is at {times[row]:g} s")

@@ -32,9 +32,9 @@ from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.robot.model import Robot
 
 KEYS = ("joint_pos", "joint_vel", "body_pos_w", "body_quat_w", "body_lin_vel_w", "body_ang_vel_w")
-NEAR = 0.005
+SAME_BODIES = 0.005
 """Largest distance of bodies from forward kinematics in the right order [m]: descriptions of one robot differ by less."""
-FAR = 0.05
+OTHER_BODIES = 0.05
 """Bodies farther from forward kinematics are not those of the robot in this order [m]: HDMI's file read as `beyondmimic` strays by .36."""
 LOOKED_AT = 8
 """Number of frames that are compared."""
@@ -106,13 +106,13 @@ def _read(source: TrajectorySource, hinges: Ints, other: tuple[Ints, str]) -> Co
     named = source.names() is not None or source.options.joints is not None
     if not named and angles.shape[1] == len(source.robot.joint_names):
         mine, theirs = misfit(source, hinges), misfit(source, other[0])
-        if theirs < NEAR < mine:
+        if theirs < SAME_BODIES < mine:
             raise TrajectoryError(
                 f"bodies are up to {mine:.3g} m from where the joints put them in this order, and within {theirs:.1g} m in "
                 f"that of {other[1]!r}: say --format {other[1]}"
             )
     strayed = misfit(source, _order_of(source, hinges))
-    if FAR < strayed < np.inf:
+    if OTHER_BODIES < strayed < np.inf:
         raise TrajectoryError(
             f"bodies are up to {strayed:.3g} m from where the joints put them: another robot, or another order of joints "
             "(--joints a,b,…)"
@@ -161,7 +161,7 @@ def _claims(source: TrajectorySource, hinges: Ints, other: Ints) -> bool:
         order = [source.robot.joint_names[k] for k in hinges]
         swapped = [source.robot.joint_names[k] for k in other]
         return list(names) == order or list(names) != swapped
-    return misfit(source, hinges) < NEAR or misfit(source, other) >= NEAR
+    return misfit(source, hinges) < SAME_BODIES or misfit(source, other) >= SAME_BODIES
 
 
 # Format `beyondmimic`: what whole_body_tracking's `csv_to_npz.py` makes in Isaac Lab.

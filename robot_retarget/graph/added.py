@@ -85,7 +85,7 @@ _SPREAD = np.vstack([np.zeros(3), np.eye(3)])
 
 FADE = 0.2
 """The priority of an added edge rises from 0 before its frames, and falls to 0 after them, within this time [s]."""
-SOFT = 100.0
+SOFT_PRIORITY = 100.0
 """Default priority of a soft edge, over the squared leg [-]: the hand of a wave, drawn to 0.05 m from the head of the
 OP3, comes to 0.135 m in the mean with half and to 0.116 m with this; its limbs are off by 26.9 and 29.4°."""
 
@@ -141,7 +141,7 @@ def added_edge(
         ends: keypoints, points of bodies or places [m].
         at: the distance, or its lower and upper bound [m].
         frames: first and last; None takes all.
-        priority: π over the squared leg; None takes `SOFT`.
+        priority: π over the squared leg; None takes `SOFT_PRIORITY`.
         hard: whether the edge has the priority `HARD`.
 
     Raises:
@@ -158,7 +158,7 @@ def added_edge(
         raise GraphError(f"edge {name}: a hard edge has no priority; give one or the other")
     lower, upper = _interval(name, at)
     _require_reach(match, robot, ends, lower)
-    chosen = HARD if hard else SOFT if priority is None else priority
+    chosen = HARD if hard else SOFT_PRIORITY if priority is None else priority
     return AddedEdge(ends, lower, upper, _span(name, frames, length), chosen)
 
 

@@ -93,7 +93,7 @@ class RobotGraph(Graph):
             b: the other end.
             at: the distance, or its lower and upper bound [m]; the upper may be ∞.
             frames: the first and the last; all by default. The priority rises before and falls after (`added.FADE`).
-            priority: π over the squared leg; `added.SOFT` by default.
+            priority: π over the squared leg; `added.SOFT_PRIORITY` by default.
             hard: held within a millimetre; a frame in which that fails is reported (`Solution.unmet`).
 
         Raises:

@@ -23,7 +23,7 @@ from robot_retarget.robot import Robot
 from robot_retarget.robot.support import CORNERS
 from robot_retarget.scene.scene import as_pose, composed, inverse
 
-STEP = 2
+FREED_EARLIER = 2
 """Frames by which the step of a freed foot begins earlier and ends later than the feet are out of reach. Half and
 double change neither a dance of the G1 nor a boxing OP3."""
 
@@ -131,7 +131,7 @@ def without_unreachable(held: np.ndarray, away: Floats, unreached: Bools, fixed:
     apart = unreached & (np.asarray(held.any(axis=2)).sum(axis=1) > 1)
     apart[:fixed] = False
     for start, stop in intervals(apart):
-        held[max(start - STEP, fixed) : stop + STEP, away[start:stop].mean(axis=0).argmax()] = False
+        held[max(start - FREED_EARLIER, fixed) : stop + FREED_EARLIER, away[start:stop].mean(axis=0).argmax()] = False
     return held
 
 

@@ -23,9 +23,9 @@ from robot_retarget.base.errors import GraphError, UsageError
 DEAD_BAND = 1e-9
 """Relative steps up to this length are rest [m]: above rounding at the size of a body, far below any sensor."""
 
-_BLOCK = 256
+_FRAMES_AT_ONCE = 256
 """Number of frames per block: the working arrays of 22 joints stay in the processor's cache."""
-_FEW = 8
+_FEW_FRAMES = 8
 """Up to this number of frames, the pairs are gathered in one operation: 1.8 in place of 8.1 ms for 4 frames of 20
 points, 10.7 in place of 9.1 ms for 32."""
 _FARTHEST = float(2**53)
@@ -105,14 +105,14 @@ def interaction_distance(
     lead, (joints, axes) = now.shape[:-2], now.shape[-2:]
     pairs = joints * (joints - 1) // 2
     before, now = before.reshape(-1, joints, axes), now.reshape(-1, joints, axes)
-    if len(now) <= _FEW:
+    if len(now) <= _FEW_FRAMES:
         u, v = np.triu_indices(joints, 1)
         step = now - before
         distance, alpha = pair_interaction(now[:, v] - now[:, u], step[:, v] - step[:, u], options)
         return distance.reshape(*lead, pairs), alpha.astype(np.int64).reshape(*lead, pairs)
     distance, alpha = np.empty((len(now), pairs)), np.empty((len(now), pairs), dtype=np.int64)
-    for start in range(0, len(now), _BLOCK):
-        block = slice(start, start + _BLOCK)
+    for start in range(0, len(now), _FRAMES_AT_ONCE):
+        block = slice(start, start + _FRAMES_AT_ONCE)
         _fill(before[block], now[block], options, distance[block], alpha[block])
     return distance.reshape(*lead, pairs), alpha.reshape(*lead, pairs)
 

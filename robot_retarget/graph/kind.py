@@ -153,7 +153,7 @@ class StandPhase(PlaybackPhase):
 # Kinds
 
 AXES = ("x", "y", "z")
-SHORTEST = 1e-6
+NO_LENGTH = 1e-6
 """A bone or path up to this length counts as none [m]: its ends coincide on the robot, but for rounding."""
 FrameTargets = tuple[Floats | float, ...]
 """Lower bounds, upper bounds and π of the edges at one frame, each (E,) or broadcast to it, and the data (D,) of the kind if any."""

@@ -17,12 +17,12 @@ from robot_retarget.robot import Points, Robot
 from robot_retarget.robot.kinematics import Bodies, carrying, mass_shares
 from robot_retarget.robot.support import CORNER_NAMES, sole_corners
 
-SAMPLES = 6
+COMPARED = 6
 """Number of configurations at which entries must agree to count as the same: half and double find the same entries on
 the OP3 and the G1."""
 Key = tuple[str | float, ...]
 """Name of a symbol, and the numbers that place it: a point, an axis, the hinges or the centre of mass."""
-DIGITS = 11
+COMPARED_DIGITS = 11
 """Entries that agree at all of those to this number of decimals are equal, or zero: 13 and 14 find the same on the OP3
 and the G1, 8 drops 35 of 2102 slopes on the G1."""
 
@@ -125,7 +125,7 @@ class SymbolicRobot:
         travels = ca.vertcat(ca.SX(0, self.robot.model.nv), *(travel for _, travel in self._places.values()))
         together = ca.Function("together", [symbols], [measured, ca.jacobian(measured, symbols)])
         value, by_points = together(values)
-        drawn = drawn_configurations(self.robot, SAMPLES)
+        drawn = drawn_configurations(self.robot, COMPARED)
         first, rows = _repeated(ca.Function("values", [self.bodies.q], [value]), drawn)
         slopes = by_points[first, :] @ travels
         return Expressions(
@@ -142,7 +142,7 @@ class SymbolicRobot:
 
 def _repeated(evaluate: ca.Function, drawn: Floats) -> tuple[list[int], Ints]:
     """Return the first of every set of equal values at drawn configurations, in order, and the set of every value."""
-    seen = np.round(np.stack([evaluate(qpos).full().ravel() for qpos in drawn], axis=1), DIGITS)
+    seen = np.round(np.stack([evaluate(qpos).full().ravel() for qpos in drawn], axis=1), COMPARED_DIGITS)
     _, first, inverse = np.unique(seen, axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first)
     rank = np.empty(len(order), dtype=np.int64)
@@ -153,7 +153,7 @@ def _repeated(evaluate: ca.Function, drawn: Floats) -> tuple[list[int], Ints]:
 def _without_zeros(evaluate: ca.Function, slopes: ca.SX, drawn: Floats) -> ca.SX:
     """Return the Jacobian with the pattern of the entries that do not vanish at drawn configurations."""
     seen = np.max([np.abs(evaluate(qpos).full()) for qpos in drawn], axis=0, initial=0.0)
-    return ca.project(slopes, ca.sparsify(ca.DM(np.round(seen, DIGITS) > 0)).sparsity())
+    return ca.project(slopes, ca.sparsify(ca.DM(np.round(seen, COMPARED_DIGITS) > 0)).sparsity())
 
 
 def drawn_configurations(robot: Robot, count: int) -> Floats:

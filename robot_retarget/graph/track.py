@@ -37,7 +37,7 @@ class Status(Enum):
 #
 # Edges with a Huber scale g count ϱ(e) = 2 g² (√(1 + (e/g)²) − 1) for e² in the last two.
 
-FLOOR = 1e-3
+LEAST_DISTANCE = 1e-3
 """Relative errors of a distance below this are relative to this value [m]: the target of a contact is δ = 0."""
 
 
@@ -72,7 +72,7 @@ def edge_terms(
             return pull * error, 2.0 * pull, 2.0 * weight
         root = np.sqrt(1.0 + (error / huber_delta) ** 2)
         return 2.0 * pull * error / (1.0 + root), 2.0 * pull / root, 2.0 * weight / root**3
-    scale = np.maximum(target, FLOOR)
+    scale = np.maximum(target, LEAST_DISTANCE)
     if objective is Objective.RELATIVE_SQUARED:
         slope = priority * error / scale**2
         return slope * error, 2.0 * slope, 2.0 * priority / scale**2

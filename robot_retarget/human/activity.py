@@ -77,7 +77,7 @@ def _longest(kind: str, flags: np.ndarray, fps: float) -> Activity:
     return Activity(kind, start / fps, stop / fps)
 
 
-LYING = 0.35
+CHEST_UPRIGHT = 0.35
 """A chest that is higher over the pelvis than this share of their distance is upright enough to stand [-]: 20° over level."""
 SPIN = np.pi
 """More of a turn without a new foothold is a spin [rad]: hips of human and robot turn by a quarter turn either way."""
@@ -110,7 +110,7 @@ def _lying(x: Floats, match: Match) -> Bools:
     pelvis = x[:, match.index("pelvis")]
     trunk = unit(x[:, match.index("chest")] - pelvis)
     low = pelvis[:, 2] < ActivityRule().low * -JOINTS.floor_height(-pelvis[:, 2])
-    return low & (trunk[:, 2] < LYING)
+    return low & (trunk[:, 2] < CHEST_UPRIGHT)
 
 
 def _spin(heading: Floats, contacts: ContactRecord) -> float:

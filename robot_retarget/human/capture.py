@@ -12,12 +12,12 @@ from robot_retarget.base.errors import MatchError, MotionError, UsageError, know
 from robot_retarget.base.keypoints import SIDES
 from robot_retarget.base.untrusted.arrays import RATES, shape_of
 from robot_retarget.base.untrusted.limits import zip_names
-from robot_retarget.base.untrusted.rotations import UNIT
+from robot_retarget.base.untrusted.rotations import UNIT_NORM
 from robot_retarget.human.recognition.limbs import LIMBS
 from robot_retarget.human.recognition.recognise import recognise
 from robot_retarget.human.skeleton import Skeleton
 
-FARTHEST = 1e7
+MOST_FAR = 1e7
 """A joint farther from the origin is a mistake [file units]: 10 km in millimetres."""
 
 
@@ -45,19 +45,19 @@ class Capture:
         for values in (self.positions, self.rotations):
             if values is not None:
                 self._refuse(np.asarray(~np.isfinite(values).all(axis=2)), " is not finite")
-        lost = ~(np.abs(self.skeleton.offsets) <= FARTHEST).all(axis=1)
+        lost = ~(np.abs(self.skeleton.offsets) <= MOST_FAR).all(axis=1)
         if lost.any():
             name, offset = self.skeleton.names[int(lost.argmax())], self.skeleton.offsets[lost.argmax()]
             raise MotionError(
-                f"the offset of joint {name!r} is {offset}, not within {FARTHEST:g} of its parent", self.source
+                f"the offset of joint {name!r} is {offset}, not within {MOST_FAR:g} of its parent", self.source
             )
         if self.rotations is not None:
             norms = np.sqrt(np.vecdot(self.rotations, self.rotations))
-            self._refuse(np.abs(norms - 1) > UNIT, ": the quaternion is not unit")
+            self._refuse(np.abs(norms - 1) > UNIT_NORM, ": the quaternion is not unit")
         if not np.ptp(self.positions, axis=1).any() and len(self.skeleton) > 1:
             raise MotionError("all joints are at one place in every frame", self.source)
         far = np.abs(self.positions).max(axis=2)
-        self._refuse(far > FARTHEST, f" is at {far.max():.3g}, farther than {FARTHEST:g} from the origin")
+        self._refuse(far > MOST_FAR, f" is at {far.max():.3g}, farther than {MOST_FAR:g} from the origin")
 
     def _refuse(self, wrong: Bools, what: str) -> None:
         """Name the first frame and joint (T, J) that are wrong."""
@@ -131,7 +131,7 @@ class Request:
 
 # The header of a file, from which its format is recognised: its first bytes, and the members of an archive.
 
-HEAD = 8192
+EXAMINED = 8192
 """Length of the examined beginning [bytes]."""
 
 
@@ -145,7 +145,7 @@ class FileHeader:
     def head(self) -> bytes:
         """The first bytes of the file."""
         with self.path.open("rb") as file:
-            return file.read(HEAD)
+            return file.read(EXAMINED)
 
     @cached_property
     def text(self) -> str:

@@ -5,12 +5,12 @@ from math import hypot
 import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, lengths, unit
-from robot_retarget.contact.rule import WINDOW, CausalContacts, on_soles
+from robot_retarget.contact.rule import TOUCHES_FLOOR, CausalContacts, on_soles
 from robot_retarget.contact.touch import CausalBodyTouches
 from robot_retarget.human.features import DRIFT, HumanFeatures
 from robot_retarget.human.match import Match
 from robot_retarget.human.skeleton import Skeleton
-from robot_retarget.human.touches import SLIDES, SMOOTH, Nearness, Surroundings, Touches, TouchProbe
+from robot_retarget.human.touches import SLIDES, SMOOTH_PLACE, Nearness, Surroundings, Touches, TouchProbe
 from robot_retarget.scene.scene import Scene
 
 # Where a performer of a stream touches the bodies around it: the causal version of `touches.surroundings_of`.
@@ -56,7 +56,7 @@ class CausalSurroundings:
         """Update places and normals: those of a touch stay where it began, until the part slides."""
         place, normal = near.places[0], near.outward[0]
         slides = lengths(place - self._places) > SLIDES * self._leg
-        free, share = (began | ~self._contact.held)[:, None], 1 - np.exp(-seconds / SMOOTH)
+        free, share = (began | ~self._contact.held)[:, None], 1 - np.exp(-seconds / SMOOTH_PLACE)
         self._places = np.where(free, place, self._places + share * slides[:, None] * (place - self._places))
         self._normals = np.where(free, normal, self._normals)
 
@@ -87,7 +87,7 @@ class CausalFeatures:
         self._middle: tuple[float, float] | None = None
         """The body's place over the floor at the frame before [m]."""
         self._lowest = [0.0, 0.0]
-        """Lowest height of the body in the last `WINDOW` and in the present one [m]."""
+        """Lowest height of the body in the last `TOUCHES_FLOOR` and in the present one [m]."""
         self._since = 0.0
 
     def step(
@@ -134,7 +134,7 @@ class CausalFeatures:
         self._since += seconds
         self._lowest[1] = min(self._lowest[1], lowest)
         height = min(self._lowest)
-        if self._since > WINDOW:
+        if self._since > TOUCHES_FLOOR:
             self._since, self._lowest = 0.0, [self._lowest[1], lowest]
         if abs(height) < DRIFT * self.leg:
             return 0.0

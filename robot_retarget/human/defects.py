@@ -16,7 +16,7 @@ from robot_retarget.human.capture import Capture
 from robot_retarget.human.recognition.recognise import Recognition
 from robot_retarget.human.skeleton import backward, forward
 
-STILL = 1e-4
+STILL_LIMB = 1e-4
 """A limb that moves less than this from frame to frame does not move at all [leg lengths]: 0.08 mm of an adult's, below any
 capture."""
 
@@ -51,7 +51,7 @@ def gaps(jumps: Floats, points: Floats, longest: int) -> Iterator[tuple[int, int
             steps = [step for step in steps if step > back[-1]]
             yield first + 1, back[-1], float(size[first : back[-1] + 1].max()), True
             continue
-        moves = np.linalg.norm(np.diff(points[: first + 1], axis=0), axis=2).max(axis=1, initial=0.0) > STILL
+        moves = np.linalg.norm(np.diff(points[: first + 1], axis=0), axis=2).max(axis=1, initial=0.0) > STILL_LIMB
         start = int(np.flatnonzero(moves)[-1]) + 2 if moves.any() else 0
         lost = start > 0 and first - start >= 2
         yield (start, first, float(size[first]), True) if lost else (first + 1, first + 1, float(size[first]), False)
@@ -251,7 +251,7 @@ def clean_part(capture: Capture, rule: ScrambleRule) -> tuple[slice, str]:
 # Whether a repair leaves a motion at least as smooth as it was: no point moves farther between two frames.
 
 REFUSED = "not repaired, since bridging would make the motion less smooth"
-ROUNDING = 1e-9
+EQUAL_STEPS = 1e-9
 """Share by which equal steps may differ."""
 
 
@@ -263,7 +263,7 @@ def is_smoother(before: Floats, after: Floats) -> bool:
         after: (T, P, 3) the same points repaired.
     """
     longest = [np.linalg.norm(np.diff(points, axis=0), axis=2).max(axis=0, initial=0.0) for points in (before, after)]
-    return bool((longest[1] <= longest[0] * (1 + ROUNDING)).all())
+    return bool((longest[1] <= longest[0] * (1 + EQUAL_STEPS)).all())
 
 
 # Sentences about findings: kind, time and outcome, the worst first.

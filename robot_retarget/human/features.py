@@ -32,7 +32,7 @@ from robot_retarget.human.touches import Surroundings, surroundings_of
 
 FALL = 0.4
 """Flights of five captures have the acceleration g within 0.22 of it; the pelvis is not the centre of mass [-]."""
-FEWEST = 2
+SHORTEST_FLIGHT = 2
 """Frames of the shortest flight: 2, whose mean acceleration needs a frame to either side."""
 
 # The floor under the human, and its drift in captures without a fixed reference.
@@ -267,7 +267,7 @@ def falls_of(x: Floats, match: Match, airborne: Bools, fps: float) -> Floats:
         return falls
     z = x[:, match.index("pelvis"), 2]
     for start, stop in intervals(airborne):
-        while start > 0 and stop < len(z) and stop - start >= FEWEST:
+        while start > 0 and stop < len(z) and stop - start >= SHORTEST_FLIGHT:
             time = np.arange(stop - start + 2) / fps
             own = z[start - 1 : stop + 1]
             if abs(2 * np.polyfit(time, own, 2)[0] + g) < FALL * g:

@@ -14,9 +14,9 @@ RATES = (30.0, 60.0, 120.0)
 WALK_RATIO = 0.0065 * 60
 """Length of a step over steps a second, which people keep at every speed [m s]: 0.0065 m over steps a minute [Sekiya1996]. Eight
 walks and runs have 0.75 to 1.15 of the steps that follow from it; rates differ by 2."""
-SHORTEST = 0.8
+SHORTEST_STRIDE = 0.8
 """A shorter stride is no gait [leg lengths]: the slowest walks of those takes have 0.9."""
-SMOOTH = 2
+SMOOTH_WAYS = 2
 """Standard deviation of the Gaussian over ways [frames]: in five takes 1 and 2 find the same strides, and 3 loses those of a run at 30 a second."""
 
 
@@ -33,7 +33,7 @@ def rate_from_gait(capture: Capture) -> tuple[float, str] | None:
     leg = leg_length(recognition, capture.positions)
     x = dict(zip(recognition.keypoints, recognition.place(capture.positions / leg).swapaxes(0, 1), strict=True))
     lengths, frames = _strides(x["pelvis"], x["l_ankle"] - x["r_ankle"])
-    if len(lengths) < 2 or np.median(lengths) < SHORTEST:
+    if len(lengths) < 2 or np.median(lengths) < SHORTEST_STRIDE:
         return None
     stride = float(np.median(lengths)) * leg * unit_of(recognition, capture.positions)[0]
     duration = float(np.median(frames))
@@ -54,8 +54,8 @@ def _strides(pelvis: Floats, apart: Floats) -> tuple[Floats, Floats]:
     """
     if len(pelvis) < 2:
         return np.zeros(0), np.zeros(0)
-    way = unit(np.gradient(gaussian_filter1d(pelvis, SMOOTH, axis=0), axis=0))
-    ahead = gaussian_filter1d((apart * way).sum(axis=1), SMOOTH)
+    way = unit(np.gradient(gaussian_filter1d(pelvis, SMOOTH_WAYS, axis=0), axis=0))
+    ahead = gaussian_filter1d((apart * way).sum(axis=1), SMOOTH_WAYS)
     passing = np.flatnonzero(np.diff(np.signbit(ahead)))
     return np.linalg.norm(pelvis[passing[2:]] - pelvis[passing[:-2]], axis=1), (passing[2:] - passing[:-2]).astype(
         float

@@ -9,7 +9,7 @@ from robot_retarget.contact.record import ContactRecord
 from robot_retarget.contact.rule import JOINTS
 from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion
-from robot_retarget.robot.facing import BENT, hand_frames, snapped_to_axes
+from robot_retarget.robot.facing import SHOWS_AXIS, hand_frames, snapped_to_axes
 
 # Rotations of the source's joints, and the constant between a joint and its segment.
 
@@ -122,7 +122,7 @@ def foot_constants(
         found[side] = _levelled(motion, match, side, x, ahead, flat)
     least = min((drop for drop, stands in drops.values() if stands), default=np.inf)
     for side, (drop, _) in drops.items():
-        if drop - least > BENT:
+        if drop - least > SHOWS_AXIS:
             found[side] = found[side] @ Rotation.from_euler("y", drop - least).as_matrix()
     return found
 
@@ -139,7 +139,7 @@ def untwisted(feet: Floats, legs: Floats) -> Floats:
     thigh, shin = legs[..., 1, :] - legs[..., 0, :], legs[..., 2, :] - legs[..., 1, :]
     across = cross(thigh, shin)
     bend, along = lengths(across), np.vecdot(feet[..., 1], across)
-    turned = (along < TWISTED * bend) & (bend > BENT * lengths(thigh) * lengths(shin))
+    turned = (along < TWISTED * bend) & (bend > SHOWS_AXIS * lengths(thigh) * lengths(shin))
     if not turned.any():
         return feet
     y = unit(across)
@@ -281,7 +281,7 @@ def _leans(match: Match) -> dict[str, Floats]:
 def _nod(head: Floats, chest: Floats) -> Floats:
     """(3, 3) that levels a head whose neck leans otherwise than the robot's on the whole: it faces as the chest then."""
     constant = constant_between(head, chest)
-    return constant if Rotation.from_matrix(constant).magnitude() > BENT else np.eye(3)
+    return constant if Rotation.from_matrix(constant).magnitude() > SHOWS_AXIS else np.eye(3)
 
 
 def facing(frames: dict[str, Floats], count: int) -> Floats:
@@ -309,7 +309,7 @@ def _hand_constant(motion: Motion, match: Match, side: str, x: dict[str, Floats]
     if own is None:
         return None
     straight, bend = hand_frames(*arm)
-    if bend.max() < BENT:
+    if bend.max() < SHOWS_AXIS:
         return None
     fingers = motion.skeleton.outward(carrying_joint(motion, match, f"{side}_hand"))
     constant = pointed(constant_between(own * bend[:, None, None] ** 2, straight), fingers)
@@ -327,7 +327,7 @@ def _hand_at_rest(body: Floats, fingers: Floats) -> Floats:
     """(3, 3) forward, left and up of a hand in the rest pose: to the fingers, elbows back, whether arms are out or down."""
     back, ahead = -body[:, 0], unit(fingers)
     across = np.cross(back, ahead)
-    if np.linalg.norm(across) < BENT:
+    if np.linalg.norm(across) < SHOWS_AXIS:
         return np.zeros((3, 3))
     return np.stack([ahead, unit(across), np.cross(ahead, unit(across))], axis=1)
 

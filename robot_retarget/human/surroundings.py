@@ -17,15 +17,15 @@ from robot_retarget.scene.geoms import SceneModel
 from robot_retarget.scene.scene import IDENTITY, RigidBody, Scene, composed, world_corners
 from robot_retarget.scene.shape import ShapeKind
 
-FARTHEST = 30.0
+FARTHEST_BODY = 30.0
 """A body farther from the human has another unit or another origin [m]."""
 LONGEST = (0.005, 50.0)
 """Bounds of the longest edge of a body; outside them it has another unit [m]. Planes and height fields are not bounded."""
 JUMP = (0.1, 0.8)
 """A body jumps where it moves [m] or turns [rad] in a frame by this more than in the median of two frames before and after."""
-SUNK = 0.05
+BELOW_FLOOR = 0.05
 """A moving body that reaches deeper under the floor has another place, unit or order of quaternions [m]."""
-FLESH = 0.06
+FLESH_AT_BODY = 0.06
 """Flesh and errors of captures take this from a joint to the surface of a body [m]; a deeper joint is named ..."""
 INSIDE = 0.12
 """... and one that is deeper than this at the first frame is refused [m]."""
@@ -102,7 +102,7 @@ def _require_unit(body: RigidBody, poses: Floats, clip: Motion) -> None:
     extent, near = float(body.shape.size.max()), int(away.argmin())
     if body.shape.volume and not LONGEST[0] <= extent <= LONGEST[1]:
         raise SceneError(f"{body.title} is {extent:.4g} m long: {hint}")
-    if body.shape.volume and away[near] - extent > FARTHEST:
+    if body.shape.volume and away[near] - extent > FARTHEST_BODY:
         raise SceneError(f"{body.title} is {away[near]:.4g} m from the human or farther: {hint}")
 
 
@@ -126,7 +126,7 @@ def _sunk(body: RigidBody, poses: Floats) -> str:
     """Return a note about a body that reaches under the floor; empty for one that does not."""
     height = world_corners(body, poses)[:, :, 2].min(axis=1)
     frame = int(height.argmin())
-    if height[frame] > -SUNK:
+    if height[frame] > -BELOW_FLOOR:
         return ""
     return (
         f"Body {body.name!r} reaches {-height[frame]:.2f} m under the floor at frame {frame}: "
@@ -143,7 +143,7 @@ SCAN = (
 def _inside(scene: Scene, poses: Floats, clip: Motion) -> str:
     """Return a note about a body that holds a joint of the human at the first frame; refuse one that holds it deep."""
     distance, _ = SceneModel(scene).nearest(clip.positions[:1], poses[:1], reach=1.0)
-    if not distance.size or distance.min() > -FLESH:
+    if not distance.size or distance.min() > -FLESH_AT_BODY:
         return ""
     _, joint, body = np.unravel_index(int(distance.argmin()), distance.shape)
     mesh = scene.bodies[body].shape.kind is ShapeKind.MESH

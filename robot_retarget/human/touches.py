@@ -30,13 +30,13 @@ hand without finger joints ends a palm's length from its wrist, or a finger's le
 SLIDES = 0.07
 """A touch whose place moves less than this over the leg stays on one place [-]: half and double give the same places on
 the three sample scenes."""
-SMOOTH = 0.15
+SMOOTH_PLACE = 0.15
 """The place of a sliding touch is the mean over this time [s]: half and double move it by at most 4 and 11 mm on a box
 and a chair."""
-SUNK = 0.12
+CAPTURE_SUNK = 0.12
 """Surfaces up to this height over a foot's joint are under it, over the leg [-]: captured feet sink in. Half and double
 find the same ground on the three sample scenes."""
-FAR = 1.0
+AWAY = 1.0
 """Bodies farther away are not looked at [m]."""
 
 COLUMNS = ("held", "distance", "places", "offsets", "normals")
@@ -140,11 +140,11 @@ class TouchProbe:
         """
         leg, frames = self.match.human_leg, len(keypoints)
         at = keypoints[:, [self.match.index(part) for part in self._parts]]
-        distance, surface = (found[:, :, self._solid] for found in self._model.nearest(at, poses, FAR))
+        distance, surface = (found[:, :, self._solid] for found in self._model.nearest(at, poses, AWAY))
         flesh = leg * np.array([FLESH[part.split("_")[-1]] for part in self._parts])
         away = distance - flesh[:, None]
         for part, fingers in self._fingers.items():
-            least, k = self._model.nearest(joints[:, fingers], poses, FAR)[0].min(axis=1), self._parts.index(part)
+            least, k = self._model.nearest(joints[:, fingers], poses, AWAY)[0].min(axis=1), self._parts.index(part)
             knuckles = np.minimum(away[:, k], least[:, self._solid] - flesh[k])
             away[:, k] = least[:, self._solid] - FINGERS * leg if len(fingers) > 1 else knuckles
         turn = Rotation.from_quat(poses[:, self._solid, 3:].reshape(-1, 4), scalar_first=True).as_matrix()
@@ -159,7 +159,7 @@ class TouchProbe:
     def ground(self, keypoints: Floats, poses: Floats) -> Ground:
         """Return the surface under toes and ankles over T frames; arguments as of `nearness`."""
         points = keypoints[:, [self.match.index(k) for k in self._feet]]
-        heights, normals, bodies = self._model.heights(points, poses, SUNK * self.match.human_leg)
+        heights, normals, bodies = self._model.heights(points, poses, CAPTURE_SUNK * self.match.human_leg)
         places = np.concatenate([points[..., :2], heights[..., None]], axis=2)
         return Ground(self._feet, places, normals, bodies)
 
@@ -207,7 +207,7 @@ def _touches(pairs: tuple[tuple[str, int], ...], near: Nearness, leg: float, fps
 
 def _settled(places: Floats, held: Bools, slides: float, fps: float) -> Floats:
     """Return the places (T, C, 3), each touch that stays on one place at its median, the others smoothed."""
-    settled = uniform_filter1d(places, max(1, round(SMOOTH * fps)), axis=0, mode="nearest")
+    settled = uniform_filter1d(places, max(1, round(SMOOTH_PLACE * fps)), axis=0, mode="nearest")
     for pair in range(places.shape[1]):
         for start, stop in intervals(held[:, pair]):
             own = places[start:stop, pair]

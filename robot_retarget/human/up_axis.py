@@ -196,10 +196,10 @@ def _rest(recognition: Recognition, skeleton: Skeleton) -> Floats:
 # that from the middle of its soles to its centre of mass, and the camera's own up axis. Its smallest eigenvector is u; the gaps to
 # the others give the standard deviation of the tilt.
 
-ROUNDS = 3
+VERTICAL_ROUNDS = 3
 """Stances are found again with the vertical that the ones before gave: of eight clips tilted by 17° the vertical errs
 by 2.2, 1.8 and 1.7° in the mean after 1, 2 and 3 rounds, and no less after 6."""
-AHEAD = 0.08
+SOLE_AHEAD = 0.08
 """How far the middle of a sole is ahead of the ankle, for bodies without toes [leg lengths]: 0.06 m of 0.78 m in the mean SMPL body."""
 
 
@@ -266,14 +266,14 @@ def find_vertical(
     body = x.get("head", 2 * chest - x["pelvis"]) - ankles
     tall = np.linalg.norm(body, axis=1)
     stands = tall >= rule.upright * tall.max()
-    ahead = AHEAD * unit(np.cross(x["l_hip"] - x["r_hip"], chest - x["pelvis"]))
+    ahead = SOLE_AHEAD * unit(np.cross(x["l_hip"] - x["r_hip"], chest - x["pelvis"]))
     toes = [x.get(f"{side}_toe", x[f"{side}_ankle"] + 2 * ahead) for side in "lr"]
     over = centre_of_mass(recognition, recognition.place(positions / leg)) - (2 * ankles + toes[0] + toes[1]) / 4
     balance, posture = (unit(unit(way[stands]).mean(axis=0)) for way in (over, body))
     ways = ((balance, rule.balance), (posture, rule.posture), (axis, rule.camera))
     prior = sum(((np.eye(3) - np.outer(way, way)) / sigma**2 for way, sigma in ways), np.zeros((3, 3)))
     up, values, stances = balance, np.linalg.eigvalsh(prior), np.zeros((0, 3))
-    for _ in range(ROUNDS):
+    for _ in range(VERTICAL_ROUNDS):
         stances = _planted([x[f"{side}_ankle"] for side in "lr"], up, fps)
         spread = stances - stances.mean(axis=0) if len(stances) else stances
         values, vectors = np.linalg.eigh(prior + spread.T @ spread / rule.floor**2)

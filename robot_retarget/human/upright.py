@@ -7,14 +7,13 @@ from scipy.constants import centi, deci, inch, milli
 
 from robot_retarget.base.arrays import Floats, unit
 from robot_retarget.base.errors import MatchError, MotionError, UsageError, known
-from robot_retarget.base.keypoints import ARM, SIDES
-from robot_retarget.base.keypoints import LEG as LEG_PARTS
+from robot_retarget.base.keypoints import ARM, LEG, SIDES
 from robot_retarget.base.untrusted.arrays import FARTHEST
 from robot_retarget.contact.record import labelled
 from robot_retarget.human.capture import Capture, Request, one_performer
 from robot_retarget.human.defects import ScrambleRule, clean_part, excess, span
 from robot_retarget.human.motion import Motion
-from robot_retarget.human.recognition.recognise import LEG, Recognition, leg_length, recognise, stature
+from robot_retarget.human.recognition.recognise import ADULT_LEG, Recognition, leg_length, recognise, stature
 from robot_retarget.human.repair import FootingRule, RepairRule, footing, repaired
 from robot_retarget.human.up_axis import AXES, UpAxisRule, find_up_axis, levelled
 
@@ -23,9 +22,9 @@ from robot_retarget.human.up_axis import AXES, UpAxisRule, find_up_axis, levelle
 # A retargeter that starts there sends the robot across the room. What jumps is dropped; a T- or A-pose that leads smoothly into
 # the motion may be intended, and is only reported.
 
-HELD = 0.3
+CALIBRATION_POSE = 0.3
 """Minimum duration of a calibration pose [s]; half changes no clip of 13 exporters, double changes one note."""
-NEAR = 0.35
+BEND = 0.35
 """Maximum deviation of a calibration pose from straight knees and elbows and from `RAISED` upper arms [rad]. Half and double
 change one note in clips of 13 exporters."""
 RAISED = {"T-pose": np.pi / 2, "A-pose": np.pi / 4}
@@ -73,7 +72,7 @@ def calibration_pose_notes(recognition: Recognition, positions: Floats, fps: flo
     x, notes, count = recognition.place(positions) / leg_length(recognition, positions), [], len(positions)
     for which, seen in (("starts", x), ("ends", x[::-1])):
         pose, held = _pose(recognition, seen), _held(recognition, seen)
-        if pose and HELD * fps <= held < count / 2:
+        if pose and CALIBRATION_POSE * fps <= held < count / 2:
             first, last = (0, held - 1) if which == "starts" else (count - held, count - 1)
             rest = f"{held}:" if which == "starts" else f":{count - held}"
             where = span(first, last, fps)
@@ -90,14 +89,14 @@ def _held(recognition: Recognition, x: Floats) -> int:
 def _pose(recognition: Recognition, x: Floats) -> str:
     """The name of the calibration pose in the first frame; empty for any other pose."""
     at = {keypoint: x[0, k] for k, keypoint in enumerate(recognition.keypoints)}
-    limbs = [[at[f"{side}_{part}"] for part in parts[:3]] for side in SIDES for parts in (ARM, LEG_PARTS)]
+    limbs = [[at[f"{side}_{part}"] for part in parts[:3]] for side in SIDES for parts in (ARM, LEG)]
     bends = [np.arccos(np.clip(unit(b - a) @ unit(c - b), -1, 1)) for a, b, c in limbs]
-    if max(bends) > NEAR:
+    if max(bends) > BEND:
         return ""
     shoulders = (at["l_shoulder"] + at["r_shoulder"]) / 2
     down = unit(at["pelvis"] - shoulders)
     raised = [np.arccos(np.clip(unit(at[f"{s}_elbow"] - at[f"{s}_shoulder"]) @ down, -1, 1)) for s in SIDES]
-    return next((pose for pose, angle in RAISED.items() if np.abs(np.subtract(raised, angle)).max() < NEAR), "")
+    return next((pose for pose, angle in RAISED.items() if np.abs(np.subtract(raised, angle)).max() < BEND), "")
 
 
 UNITS = {
@@ -204,10 +203,10 @@ def unit_of(recognition: Recognition, positions: Floats, height: float | None = 
     leg = leg_length(recognition, positions)
     if not tall < TALLEST * leg:
         raise MotionError(f"a stature of {tall:.3g} over legs of {leg:.3g} is no body")
-    metres = LEG / leg
+    metres = ADULT_LEG / leg
     return (
         metres,
-        f"No known unit fits: scaled to legs of {LEG} m ({metres:.4g} m a unit), a stature of {tall * metres:.2f} m.",
+        f"No known unit fits: scaled to legs of {ADULT_LEG} m ({metres:.4g} m a unit), a stature of {tall * metres:.2f} m.",
     )
 
 

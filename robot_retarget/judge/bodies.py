@@ -16,7 +16,7 @@ from robot_retarget.scene.scene import Scene
 
 Objects = Literal["carried", "free"]
 """Whether moving bodies follow their path, or move by contact and gravity."""
-LOST = 0.5
+DROPPED = 0.5
 """A free body is dropped when it is farther from its path than this share of its longest edge [-]."""
 
 SOLID = 1 << 29
@@ -107,7 +107,7 @@ class SimulatedBodies:
         for k in self.free:
             body = self.scene.bodies[k]
             off = np.linalg.norm(places[:, k] - paths[: len(places), k, :3], axis=1)
-            lost = np.flatnonzero(off > LOST * body.shape.size.max())
+            lost = np.flatnonzero(off > DROPPED * body.shape.size.max())
             when = round(float(times[lost[0]]), 2) if lost.size else None
             found[body.name] = {
                 "dropped_s": when,

@@ -16,7 +16,7 @@ import numpy as np
 from robot_retarget.base.arrays import Ints
 from robot_retarget.base.errors import RobotError, UsageError
 from robot_retarget.judge.bodies import Objects, SimulatedBodies
-from robot_retarget.judge.plant import HARD, PLAY, Mode, Plant, limb_inertia, places_of, set_mechanics, soles_and_floor
+from robot_retarget.judge.plant import CRISP, PLAY, Mode, Plant, limb_inertia, places_of, set_mechanics, soles_and_floor
 from robot_retarget.judge.servo_model import Drives
 from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.dynamics import root_dofs
@@ -35,7 +35,7 @@ DAMPING_RATIO = 0.7
 HEAVY = 1e6
 """A held root is this many times as heavy as the robot [-]: limbs move it by a millionth of their way, and gravity by 0.5 mm
 in 10 s."""
-MOST = 0.1
+MOST_BACKLASH = 0.1
 """Largest backlash of a simulation [rad]; that of an XM430 is 0.0044."""
 ARMATURE = 1e-3
 """Inertia of a play [kg m²], 2 % of the rotor of an XM430: with less, light links chatter between their stops in simulation."""
@@ -186,9 +186,9 @@ def _add_drives(spec: mujoco.MjSpec, robot: Robot, drives: Drives) -> list[str]:
 
 
 def _harden_floor(model: mujoco.MjModel, robot: Robot) -> None:
-    """Soles on the floor settle within `HARD`: on a softer contact a foot creeps along under no more than its servos' jolts."""
-    soft = soles_and_floor(model, robot) & (model.geom_solref[:, 0] > HARD)
-    model.geom_solref[soft] = HARD, 1.0
+    """Soles on the floor settle within `CRISP`: on a softer contact a foot creeps along under no more than its servos' jolts."""
+    soft = soles_and_floor(model, robot) & (model.geom_solref[:, 0] > CRISP)
+    model.geom_solref[soft] = CRISP, 1.0
 
 
 def _hold_root(model: mujoco.MjModel, root: Ints) -> None:
@@ -229,11 +229,11 @@ def add_play(spec: mujoco.MjSpec, robot: Robot, backlash: float) -> None:
         backlash: either way [rad]; 0 adds none.
 
     Raises:
-        UsageError: the backlash is no angle from 0 to `MOST`.
+        UsageError: the backlash is no angle from 0 to `MOST_BACKLASH`.
         RobotError: a body has several hinges, so that nothing fits between a hinge and its link.
     """
-    if not 0 <= backlash <= MOST:
-        raise UsageError(f"backlash must be 0 … {MOST:g} rad, got {backlash:g}")
+    if not 0 <= backlash <= MOST_BACKLASH:
+        raise UsageError(f"backlash must be 0 … {MOST_BACKLASH:g} rad, got {backlash:g}")
     if not backlash:
         return
     model, joints = robot.model, list(spec.joints)

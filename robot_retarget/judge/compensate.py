@@ -26,7 +26,7 @@ from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.dynamics import EVENNESS, ground_push, velocities
 from robot_retarget.robot.model import FREE
 from robot_retarget.robot.support import feet_of
-from robot_retarget.scene.geoms import REST
+from robot_retarget.scene.geoms import RESTING
 from robot_retarget.trajectory import Trajectory
 
 # The nearest motion that a servo can follow: its torque stays within the bound over the whole clip.
@@ -36,7 +36,7 @@ from robot_retarget.trajectory import Trajectory
 # for the change y of one joint's angles over all samples; τ is the torque of the given motion, A y the torque added by the
 # change. A servo at its limit then starts early and arrives late, instead of late only.
 
-ROUNDS = 400
+FORCE_ROUNDS = 400
 """Of the alternating directions; each is two banded multiplications and one banded solution."""
 PENALTY = 2e-3
 """Of the alternating directions [rad²/(N m)²]: the square of the compliance of a joint of 20 N m/rad."""
@@ -70,7 +70,7 @@ def torque_limited_reference(torque: Floats, bound: float, inertia: float, dampi
     least, most = -bound - torque, bound - torque
     change, dual = np.zeros(count), np.zeros(count)
     allowed = np.clip(0.0, least, most)
-    for _ in range(ROUNDS):
+    for _ in range(FORCE_ROUNDS):
         last = change
         change = cho_solve_banded(factor, PENALTY * back(allowed - dual))
         added = 1.6 * add(change) - 0.6 * allowed
@@ -103,13 +103,13 @@ GRIP = 0.5
 """Share of the friction that a grasp counts on [-]."""
 SQUEEZE = 0.05
 """P over the weight of the robot [-]: position servos yield to it by millimetres, as much as they err, and weak arms are not bent by it."""
-TOUCH = REST
+TOUCH = RESTING
 """Surfaces of a plan this near to each other touch [m]."""
 SLIDING = 0.02
 """A contact whose surfaces slide faster in the plan holds nothing: a hand on its way to its place [m/s]."""
 PRESSED = 0.05
 """β, weight of the squeeze against the residual wrench of a body [-]."""
-RISE = 0.06
+FORCE_RISE = 0.06
 """Standard deviation of the time in which forces rise and fall [s]."""
 
 
@@ -129,7 +129,7 @@ def grasp_pushes(plant: Plant, states: Floats, velocities: Floats, accelerations
     grasp = _Grasp(plant, plant.bodies)
     for k, state in enumerate(zip(states, velocities, accelerations, strict=True)):
         pushes[k] = grasp.push(*state)
-    return gaussian_filter1d(pushes, RISE * rate, axis=0, mode="nearest")
+    return gaussian_filter1d(pushes, FORCE_RISE * rate, axis=0, mode="nearest")
 
 
 class _Grasp:

@@ -89,7 +89,7 @@ def _electrical(
     }
 
 
-SUNK = 0.5
+ROOT_DOWN = 0.5
 """A root at less than this share of its planned height is down: lying on back or face it is at 0.21 to 0.27 on the OP3, measured, and at 0.08 to 0.26 on
 the G1."""
 MOVING = 0.05
@@ -233,7 +233,7 @@ def fall_figures(rollout: Rollout, robot: Robot, trajectory: Trajectory) -> dict
     """When the robot fell (negative: before the trajectory began), and which body touched the floor.
 
     A fall is a body other than a foot on the floor; or, where the model lets few bodies touch it, a root at less than
-    `SUNK` of its planned height.
+    `ROOT_DOWN` of its planned height.
     """
     contacts = rollout.contacts.scene
     wrong = contacts.of(~np.isin(contacts.bodies[:, 1], _feet(robot, contacts)))
@@ -246,14 +246,14 @@ def fall_figures(rollout: Rollout, robot: Robot, trajectory: Trajectory) -> dict
 
 
 def _collapsed(rollout: Rollout, robot: Robot, trajectory: Trajectory) -> np.ndarray:
-    """(N,) whether the root is at less than `SUNK` of its planned height, both above where the plan has the floor: z = 0.
+    """(N,) whether the root is at less than `ROOT_DOWN` of its planned height, both above where the plan has the floor: z = 0.
 
     Both are taken where the centre of mass is at first, because a model may have its root's frame on the floor.
     """
     height = robot.root_address + 2
     planned = np.interp(rollout.times, np.arange(len(trajectory)) / trajectory.fps, trajectory.qpos[:, height])
     lift, middle = planned[:1] - rollout.qpos[:1, height], rollout.com[:1, 2] - rollout.qpos[:1, height]
-    return rollout.qpos[:, height] + lift + middle < SUNK * (planned + middle)
+    return rollout.qpos[:, height] + lift + middle < ROOT_DOWN * (planned + middle)
 
 
 def _feet(robot: Robot, contacts: Contacts) -> list[int]:

@@ -19,7 +19,7 @@ from robot_retarget.scene.geoms import PREFIX, SolidGround
 
 Mode = Literal["pinned", "free"]
 
-HARD = 0.004
+CRISP = 0.004
 """Time constant of a sole's contact with the floor [s]; MuJoCo's default of 0.02 is a cushion."""
 LEAST_SUPPLY = 9.5 / 12
 """Of the servos' nominal voltage [-]: an XM430 of 12 V shuts down below 9.5 V (e-Manual, Min Voltage Limit)."""

@@ -22,7 +22,7 @@ from robot_retarget.judge.plant import Plant
 from robot_retarget.robot.timing import sample
 from robot_retarget.trajectory import Trajectory
 
-STILL = 0.01
+STANDING_SPEED = 0.01
 """A reference slower than this stands: holosoma's walkers then get one phase for both feet [m/s, rad/s]."""
 
 
@@ -209,7 +209,7 @@ class PolicyLoop:
 
     def phase(self, row: int) -> Floats:
         """(2,) of both feet, half a period apart; equal while the reference stands [rad]."""
-        if np.linalg.norm(self.commands[row]) < STILL:
+        if np.linalg.norm(self.commands[row]) < STANDING_SPEED:
             return np.full(2, np.pi)
         return 2 * np.pi * self._times[row] / self._period + np.array([0.0, np.pi])
 

@@ -42,7 +42,7 @@ from robot_retarget.trajectory import Trajectory
 
 # Score of the warnings: contacts on the servos that were predicted, and warnings that came true.
 
-APART = 0.1
+SEPARATE_CONTACTS = 0.1
 """Touches of a pair this long after one another are two contacts [s]."""
 LATE = 0.25
 """Largest delay of a contact after the end of its warning, because servos lag [s]: four times the 57 ms of an XM430."""
@@ -78,7 +78,7 @@ def touches(contacts: Contacts, times: np.ndarray, robot: Robot) -> list[tuple[f
         pair = frozenset(model.body(int(model.body_weldid[body])).name for body in (first, second))
         at = np.unique(times[contacts.of((contacts.bodies == (first, second)).all(1)).frame])
         at = at[at >= 0]
-        starts = at[np.diff(at, prepend=-np.inf) > APART]
+        starts = at[np.diff(at, prepend=-np.inf) > SEPARATE_CONTACTS]
         found += [(pair, float(start)) for start in starts]
     return sorted(found, key=lambda touch: touch[1])
 

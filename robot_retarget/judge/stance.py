@@ -163,7 +163,7 @@ def _least(margin: Floats) -> float | None:
 
 # Contacts with bodies that a simulation keeps: those of the plan, link by link, and when one is missing.
 
-LATE = 0.15
+LATE_CONTACT = 0.15
 """A contact may begin and end later or earlier than planned by this time [s]."""
 
 MISSED = 0.5
@@ -219,14 +219,14 @@ def contact_figures(
 
 
 def _happened(bodies: SimulatedBodies, rollout: Rollout, robot: Robot, trajectory: Trajectory) -> Bools:
-    """Return (T, links, B) whether a link touched a body within `LATE` of each frame."""
+    """Return (T, links, B) whether a link touched a body within `LATE_CONTACT` of each frame."""
     model, around = robot.model, rollout.around
     found = np.zeros((len(trajectory), model.nbody, len(bodies.scene)), bool)
     frame = np.round(rollout.times[around.frame] * trajectory.fps).astype(int)
     body = (around.bodies[:, 1:] == bodies.ids).argmax(axis=1)
     inside = (frame >= 0) & (frame < len(trajectory)) & np.isin(around.bodies[:, 1], bodies.ids)
     found[frame[inside], model.body_weldid[around.bodies[inside, 0]], body[inside]] = True
-    return maximum_filter1d(found.astype(np.uint8), 2 * round(LATE * trajectory.fps) + 1, axis=0).astype(bool)
+    return maximum_filter1d(found.astype(np.uint8), 2 * round(LATE_CONTACT * trajectory.fps) + 1, axis=0).astype(bool)
 
 
 def _line(touch: Touch, there: Bools, bodies: SimulatedBodies, robot: Robot, fps: float) -> dict[str, Any]:

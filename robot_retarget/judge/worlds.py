@@ -12,7 +12,7 @@ from robot_retarget.actuators.goals import Goals
 from robot_retarget.actuators.motors import PUBLISHED, SUPPLY_RESISTANCE
 from robot_retarget.base.arrays import Floats
 from robot_retarget.judge.figures import at_frames, fall_figures
-from robot_retarget.judge.plant import HARD, Mode, Plant, Supply, soles_and_floor
+from robot_retarget.judge.plant import CRISP, Mode, Plant, Supply, soles_and_floor
 from robot_retarget.judge.playback import Playback, Rollout, roll_out
 from robot_retarget.judge.servo_model import Drives
 from robot_retarget.trajectory import Trajectory
@@ -61,7 +61,7 @@ class Spread(NamedTuple):
     backlash: tuple[float, float] = (0.4, 1.6)
     voltage: tuple[float, float] = (11.0 / 12, 12.4 / 12)
     """Three lithium cells, nearly empty to full, over the 12 V of an XM430."""
-    floor: tuple[float, float] = (HARD, 0.012)
+    floor: tuple[float, float] = (CRISP, 0.012)
     """From a hard floor to a carpet; MuJoCo's default of 0.02 s is a cushion."""
 
 
@@ -131,7 +131,7 @@ def _tilted(gravity: np.ndarray, roll: float, pitch: float) -> np.ndarray:
 
 NOMINAL = "as modelled"
 DRAWN = "drawn"
-SPREAD = 2.0
+DRAWN_SPREAD = 2.0
 """Drawn dampings, frictions and armatures differ from the nominal ones by this factor at most, either way [-]: published dampings of one
 servo differ by 3, which is 1.7 either way."""
 SEED = 0
@@ -226,5 +226,5 @@ def _drawn_actuators(plant: Plant) -> Plant:
 
 def _factors(shape: tuple[int, int]) -> Floats:
     """Factors between 1 / SPREAD and SPREAD, even on a logarithmic scale."""
-    bound = np.log(SPREAD)
+    bound = np.log(DRAWN_SPREAD)
     return np.exp(np.random.default_rng(SEED).uniform(-bound, bound, shape))

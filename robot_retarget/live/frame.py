@@ -127,12 +127,12 @@ class Frame:
         return self.skeleton.names[int(np.argmax(which))]
 
 
-JUMP = 1.0
+CLOCK_SET = 1.0
 """A larger step of the offset means that the sender's clock was set [s]."""
 LEAK = 1e-3
 """Rate at which the offset follows a growing delay [s/s]: ten times the 1e-4 by which quartz clocks drift."""
 
-LEAST = 1e-3
+LEAST_INTERVAL = 1e-3
 """Shortest time between two frames, for frames that arrive together [s]: no tracker of human motion sends 1000 frames a
 second."""
 
@@ -160,7 +160,7 @@ class SenderClock:
         if stamp is not None and not isfinite(stamp):
             raise RefusedError(Fault.NOT_FINITE, "time")
         made = arrived if stamp is None else stamp + self._follow(stamp, arrived)
-        self._last = max(made, self._last + LEAST)
+        self._last = max(made, self._last + LEAST_INTERVAL)
         return self._last
 
     def _follow(self, stamp: float, arrived: float) -> float:
@@ -172,7 +172,7 @@ class SenderClock:
         delay = arrived - stamp
         if self.offset is None:
             self.offset = delay
-        elif abs(delay - self.offset) > JUMP:
+        elif abs(delay - self.offset) > CLOCK_SET:
             self._faults.note(Fault.CLOCK, f"by {self.offset - delay:.2f} s")
             self.offset = delay
         elif stamp <= self._stamp:

@@ -9,7 +9,7 @@ import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats
 from robot_retarget.base.errors import UsageError
-from robot_retarget.human.readers.headset import JOINTS, NANO, HeldBody
+from robot_retarget.human.readers.headset import JOINTS, NANOSECOND, HeldBody
 from robot_retarget.live.frame import Fault, FaultCounter, Frame, RefusedError, SenderClock
 
 POLL = 1e-3
@@ -87,7 +87,7 @@ class XrtHeadset:
         if stamp == self._stamp or not self._sdk.is_body_data_available():
             return None
         self._stamp = stamp
-        return TrackedBody(_numbers(self._sdk.get_body_joints_pose()), np.ones(JOINTS, dtype=bool), stamp * NANO)
+        return TrackedBody(_numbers(self._sdk.get_body_joints_pose()), np.ones(JOINTS, dtype=bool), stamp * NANOSECOND)
 
     def close(self) -> None:
         self._sdk.close()

@@ -42,7 +42,7 @@ class Patience:
 
 LAST = 36_000
 """Number of latencies kept for the summary: ten minutes at 60 frames a second."""
-LATE = 0.05
+LATE_FRAME = 0.05
 """Delay above that of the quickest recent frame beyond which a frame counts as late [s]: 3 frames at 60 a second."""
 
 
@@ -64,7 +64,7 @@ class StreamStats:
     def note(self, frame: Frame, pose: LivePose) -> None:
         """Count a solved frame."""
         self.frames += 1
-        self.late += frame.arrived - frame.time > LATE
+        self.late += frame.arrived - frame.time > LATE_FRAME
         self.latencies.append(time.monotonic() - frame.arrived)
         status = pose.status.name.lower()
         self.statuses[status] = self.statuses.get(status, 0) + 1

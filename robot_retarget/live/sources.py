@@ -157,9 +157,9 @@ def opened(
         motion = read_motion(source)
         return Replay(motion if scene is None else with_scene(motion, scene), faults, speed)
     if source == "vmc":
-        from robot_retarget.live.vmc import PORT, VmcDecoder
+        from robot_retarget.live.vmc import VMC_PORT, VmcDecoder
 
-        return Receiver(_udp(PORT if port is None else port, host, faults, sender, say), VmcDecoder(faults), faults)
+        return Receiver(_udp(VMC_PORT if port is None else port, host, faults, sender, say), VmcDecoder(faults), faults)
     if port is not None:
         return Receiver(_udp(port, host, faults, sender, say), LineDecoder(faults, whole=True), faults)
     if sender:

@@ -21,7 +21,7 @@ from robot_retarget.live.bones import BONES, OPTIONAL, PASSED_OVER, carriers, me
 from robot_retarget.live.frame import Fault, FaultCounter, Frame, RefusedError, SenderClock
 
 BUNDLE = b"#bundle\0"
-HEAD = 16
+BUNDLE_HEAD = 16
 """Bytes of a bundle before its first element: name and time tag."""
 DEEPEST = 4
 """Largest depth of nested bundles; deeper ones are refused."""
@@ -54,9 +54,9 @@ def _elements(packet: bytes, deepest: int) -> Iterator[bytes]:
     if packet.startswith(b"/") and len(packet) % 4 == 0:
         yield packet
         return
-    if not packet.startswith(BUNDLE) or len(packet) < HEAD or not deepest:
+    if not packet.startswith(BUNDLE) or len(packet) < BUNDLE_HEAD or not deepest:
         raise RefusedError(Fault.MALFORMED, f"{len(packet)} bytes that are not OSC")
-    at = HEAD
+    at = BUNDLE_HEAD
     while at < len(packet):
         size = struct.unpack_from(">i", packet, at)[0] if at + 4 <= len(packet) else -1
         if size <= 0 or at + 4 + size > len(packet):
@@ -97,7 +97,7 @@ def _text(element: bytes, at: int) -> tuple[str, int]:
     return element[at:end].decode(), at + (end - at) // 4 * 4 + 4
 
 
-PORT = 39539
+VMC_PORT = 39539
 """Default UDP port of performers, of the protocol."""
 ROOT, BONE, OK, TIME = "/VMC/Ext/Root/Pos", "/VMC/Ext/Bone/Pos", "/VMC/Ext/OK", "/VMC/Ext/T"
 ADDRESSES = {address.encode() for address in (ROOT, BONE, OK, TIME)}
@@ -106,7 +106,7 @@ PAUSE = 0.004
 quarter of the 16.7 ms of a frame at 60 a second."""
 LEARNING = 0.1
 """Weight of a new pause in the mean pause before a bone, which remembers about 10."""
-LONGEST = 2.0
+LONGEST_BONE = 2.0
 """A longer bone is a mistake [m]."""
 NO_BONE = 1e-3
 """A shorter bone, other than the hips, has no length sent [m]."""
@@ -222,7 +222,7 @@ class VmcDecoder:
         norm = hypot(*turn)
         if norm < 1e-6:
             raise RefusedError(Fault.MALFORMED, f"the rotation of {name} is zero")
-        if address == BONE and name != "Hips" and hypot(*place) > LONGEST:
+        if address == BONE and name != "Hips" and hypot(*place) > LONGEST_BONE:
             raise RefusedError(Fault.MALFORMED, f"{name} is {hypot(*place):.3g} m long")
         return name if address == BONE else ROOT, (place_of(place), turn_of([x / norm for x in turn]))
 

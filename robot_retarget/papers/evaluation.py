@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import GraphError
-from robot_retarget.graph.track import FLOOR, FRAME, Objective, edge_terms
+from robot_retarget.graph.track import FRAME, LEAST_DISTANCE, Objective, edge_terms
 from robot_retarget.papers.edges import Edges, Incidence, incidence
 from robot_retarget.papers.points import PointGraph
 
@@ -102,7 +102,7 @@ def relative_errors(graph: PointGraph, realization: ArrayLike) -> Floats:
     """
     d = distances(graph, realization)
     y = np.clip(d, graph.edges.lower, graph.edges.upper)
-    return np.abs(d - y) / np.maximum(y, FLOOR)
+    return np.abs(d - y) / np.maximum(y, LEAST_DISTANCE)
 
 
 def stress(graph: PointGraph, realization: ArrayLike, objective: Objective = Objective.SQUARED) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import GraphError
-from robot_retarget.graph.track import FLOOR, Objective, Status
+from robot_retarget.graph.track import LEAST_DISTANCE, Objective, Status
 from robot_retarget.papers.edges import BONE, SEPARATION, Edges, PointKind
 from robot_retarget.papers.evaluation import box_of, operator, rows
 from robot_retarget.papers.points import PointGraph
@@ -131,7 +131,7 @@ def _soft(edges: Edges, d: Any, free: Any, soft: Any, slack: Any, objective: Obj
     """The objective, and rows that must be ≥ 0 (|e| as a variable, for the kinks of the relative objective)."""
     priority = ca.DM(edges.priority)
     if objective is Objective.RELATIVE:
-        scale = ca.DM(np.maximum(edges.lower, FLOOR))
+        scale = ca.DM(np.maximum(edges.lower, LEAST_DISTANCE))
         chosen = slack.tolist()
         error = d[chosen] - ca.DM(edges.lower[slack])
         return ca.dot(priority[chosen] / scale[chosen], free), ca.vertcat(free - error, free + error)
@@ -143,7 +143,7 @@ def _soft(edges: Edges, d: Any, free: Any, soft: Any, slack: Any, objective: Obj
     if objective is Objective.HALF_SQUARED:
         weight = weight / 2
     if objective is Objective.RELATIVE_SQUARED:
-        weight = weight / ca.fmax(target[chosen], FLOOR) ** 2
+        weight = weight / ca.fmax(target[chosen], LEAST_DISTANCE) ** 2
     if np.isfinite(edges.huber_delta[soft]).any():  # 2 g² (root − 1) = 2 e² / (1 + root), and e² for g = ∞
         weight = 2 * weight / (1 + ca.sqrt(1 + (error / ca.DM(edges.huber_delta[soft])) ** 2))
     return ca.dot(weight, error * error), ca.MX(0, 1)

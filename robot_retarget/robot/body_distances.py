@@ -20,7 +20,7 @@ FACE = PREFIX + "a face"
 """The plane of a face that a link touches."""
 ALIKE = 0.7
 """Cosine from which on a direction is that of a face: 45°."""
-FAR = 10.0
+FACE_REACH = 10.0
 """Distances from faces are measured up to this [m]."""
 
 
@@ -113,7 +113,7 @@ class RobotAmongBodies:
         mujoco.mju_quatZ2Vec(turn, normal)
         mujoco.mju_quat2Mat(self.data.geom_xmat[self._face], turn)
         self.data.geom_xpos[self._face] = place
-        least, geom, ends = min((self._between(self._face, geom, FAR) for geom in geoms), key=itemgetter(0))
+        least, geom, ends = min((self._between(self._face, geom, FACE_REACH) for geom in geoms), key=itemgetter(0))
         return least, self._slope(geom, ends[3:], normal)
 
     def to_side(
@@ -129,7 +129,7 @@ class RobotAmongBodies:
         if body in self._bodies:
             self.place(qpos, poses)
             own = int(self._body_geoms[self._bodies.index(body)])
-            least, geom, ends = min((self._between(own, geom, FAR) for geom in geoms), key=itemgetter(0))
+            least, geom, ends = min((self._between(own, geom, FACE_REACH) for geom in geoms), key=itemgetter(0))
             way = _way(ends, least) if abs(least) > TOUCHING else face[1]
             if way @ face[1] > ALIKE:
                 return least, self._slope(geom, ends[3:], way)

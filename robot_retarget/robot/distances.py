@@ -13,12 +13,12 @@ import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, Ints
 from robot_retarget.robot.geoms import Boxes, Floor, GeomDistances, Placed, allowed, joined, touchable, views
-from robot_retarget.robot.kinematics import BLOCK, carrying
+from robot_retarget.robot.kinematics import POSED, carrying
 from robot_retarget.robot.model import FREE, Robot
 
 # Work on the rows of an array in threads: MuJoCo's functions release the interpreter lock.
 
-LEAST = 8
+LEAST_ROWS = 8
 """Rows of a part at least: a thread begins in the time of one row."""
 
 Done = TypeVar("Done")
@@ -32,7 +32,7 @@ def in_parts(work: Callable[[int, slice], Done], count: int, threads: int) -> li
         count: number of rows.
         threads: number of parts at most.
     """
-    parts = max(min(threads, count // LEAST), 1)
+    parts = max(min(threads, count // LEAST_ROWS), 1)
     rows = [slice(*ends) for ends in pairwise(count * k // parts for k in range(parts + 1))]
     if parts == 1:
         return [work(0, rows[0])]
@@ -47,7 +47,7 @@ def in_parts(work: Callable[[int, slice], Done], count: int, threads: int) -> li
 # once. Pairs of boxes and the floor have their own modules. Pairs that overlap where the robot rests are left out: they
 # overlap by construction.
 
-STILL = 0.4
+FLOOR_SHARE = 0.4
 """Share of the reach within which the floor is watched [-]: it does not move. Half and double do not change a boxing
 OP3."""
 TIE = 1e-6
@@ -97,7 +97,7 @@ class Separation:
             self._learn(rest)
         self._learn(robot.standing(), least=0.0)
         self._watch(self.boxes.pairs)
-        self.floor: Floor | None = None if feet is None else Floor(robot, self.model, feet, STILL * reach)
+        self.floor: Floor | None = None if feet is None else Floor(robot, self.model, feet, FLOOR_SHARE * reach)
 
     def along(self, qpos: Floats, threads: int = 1) -> tuple[GeomDistances, Floats]:
         """Return all places where links are near each other or near the floor, in order of the configurations.
@@ -311,8 +311,8 @@ class LinkDistances:
     def along(self, path: Floats) -> Floats:
         """Return the distances (T, P) of the pairs at configurations (T, nq), at most the reach, negative where links overlap [m]."""
         found = np.full((len(path), len(self.links)), self.reach)
-        for first in range(0, len(path), BLOCK):
-            poses = np.array(path[first : first + BLOCK])
+        for first in range(0, len(path), POSED):
+            poses = np.array(path[first : first + POSED])
             poses[:, self._fixed] = self.robot.model.qpos0[self._fixed]
             near = self._separation.distances(poses)
             columns = self._column[tuple(self._link[near.geoms.T])]

@@ -16,15 +16,15 @@ from robot_retarget.robot.model import SLIDE, Robot
 from robot_retarget.robot.support import CORNERS, Planes, level_planes
 from robot_retarget.scene.geoms import SolidGround
 
-NEAR = 0.002
+UNLOADED = 0.002
 """Height at which a corner carries e⁻² of the load of a corner on the ground [m]: a foot in the air carries nothing.
 Half and double change the 99th percentile of the torques of three clips by 4 % at most."""
-PLANTED = 3 * NEAR
+PLANTED = 3 * UNLOADED
 """Corners this near to the lowest one carry the robot [m]."""
 EVENNESS = 1e-3
 """Weight of contact forces [N] against the residual wrench of the root [N, N m]: half and double change the torques of
 three clips by less than 0.1 % of the limits."""
-GRIP = 0.8
+SOLE_FRICTION = 0.8
 """Friction that the planted soles may use: half and double change the torques of three clips by 0.3 % of the limits at
 most."""
 
@@ -210,7 +210,7 @@ def ground_push(
     jacobian, columns = np.zeros((3, model.nv)), []
     for k, edges in zip(planted, _pyramids(normals[planted]), strict=True):
         mujoco.mj_jac(model, data, jacobian, None, points[k], int(bodies[k]))
-        columns.append(np.exp(-height[k] / NEAR) * jacobian.T @ edges.T)
+        columns.append(np.exp(-height[k] / UNLOADED) * jacobian.T @ edges.T)
     generators = np.hstack(columns)
     # Two feet can share a load in many ways: the ridge picks the evenest of those that stand, which changes smoothly.
     ridge = EVENNESS * np.eye(generators.shape[1])
@@ -222,14 +222,14 @@ def _pyramids(normals: Floats) -> Floats:
     """Return (P, 4, 3) edges of the friction pyramids on surfaces with normals (P, 3) that point up."""
     ahead = unit(normals[:, [2, 1, 0]] * [1.0, 0.0, -1.0])
     left = cross(normals, ahead)
-    return normals[:, None] + GRIP * np.stack([ahead, -ahead, left, -left], axis=1)
+    return normals[:, None] + SOLE_FRICTION * np.stack([ahead, -ahead, left, -left], axis=1)
 
 
 # Placement of a robot by its root: a free joint, or any sequence of slides and hinges.
 
 STEPS = 30
 """Newton steps at most; a free joint takes 2, three hinges about 5."""
-ARRIVED = 1e-9
+SHORT_STEP = 1e-9
 """Newton stops after a shorter step [m, rad]."""
 
 
@@ -276,7 +276,7 @@ def _stepped(robot: Robot, qpos: Floats, body: int, offset: Floats, place: Float
         missing = np.append(place - point, Rotation.from_matrix(turn @ rotation.T).as_rotvec())
         velocity[dofs] = np.linalg.lstsq(rows[:, dofs], missing)[0]
         moved = integrate(robot, moved, velocity)
-        if np.abs(velocity).max() < ARRIVED:
+        if np.abs(velocity).max() < SHORT_STEP:
             break
     return moved
 

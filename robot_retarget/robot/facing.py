@@ -14,8 +14,8 @@ from robot_retarget.base.arrays import ALIGNED, Floats, unit
 from robot_retarget.base.errors import MatchError
 from robot_retarget.robot.limbs import (
     LEFT_WORDS,
+    ONE_PLACE,
     RIGHT_WORDS,
-    SAME,
     Chain,
     MirroredLimbs,
     arm_centres,
@@ -28,7 +28,7 @@ from robot_retarget.robot.links import Axis, Links
 # Axes of joints and links: by custom they lie along those of a body that stands upright.
 
 CUBE = Rotation.create_group("O")
-BENT = 0.2
+SHOWS_AXIS = 0.2
 """Angles with a smaller sine count as 0 [rad]: of a straight elbow or knee, which shows no axis, of a level foot or head, of a
 hand along the axes of its link."""
 
@@ -45,7 +45,7 @@ def snapped_to_axes(turn: Floats, most: float) -> Floats:
     return CUBE[nearest].as_matrix() if turns[nearest].magnitude() < most else turn
 
 
-SURE = 2
+SURE_VOTES = 2
 """A majority of this number of votes is sure: of eight robots one has fewer than 4, and 1 gives the same."""
 
 
@@ -97,7 +97,7 @@ def facing(
     count = sum(vote.sign * vote.weight for vote in votes)
     if given is not None:
         sign = _sign_of(given, across)
-        against = [vote.criterion for vote in votes if vote.sign == -sign] if count * sign <= -SURE else []
+        against = [vote.criterion for vote in votes if vote.sign == -sign] if count * sign <= -SURE_VOTES else []
         notes = (f"the map sets its heading; {_listed(against)} point the other way",) if against else ()
     else:
         sign = int(np.sign(count)) or (1 if across[0] >= 0 else -1)
@@ -122,8 +122,8 @@ def _votes(
         votes += [
             Vote("feet", _feet(links, flat, legs, across), 1),
             Vote("toes", _toes(links, legs, across), 1),
-            Vote("knees", _beyond(_folded(links, legs, across, _middle_of_range(links)), BENT), 2),
-            Vote("the standing keyframe", _beyond(_folded(links, legs, across, _standing(links)), BENT), 1),
+            Vote("knees", _beyond(_folded(links, legs, across, _middle_of_range(links)), SHOWS_AXIS), 2),
+            Vote("the standing keyframe", _beyond(_folded(links, legs, across, _standing(links)), SHOWS_AXIS), 1),
         ]
     if arms:
         votes.append(Vote("elbows", _elbows(links, arms, across), 1))
@@ -144,7 +144,7 @@ def _notes(votes: Sequence[Vote], count: int, sign: int) -> tuple[str, ...]:
         notes.append(f"names do not distinguish left from right: {_listed(won)} followed")
     return (
         (*notes, f"{_listed(won)} alone decide between front and back. {_REMEDY}")
-        if abs(count) < SURE
+        if abs(count) < SURE_VOTES
         else tuple(notes)
     )
 
@@ -191,7 +191,7 @@ def _feet(links: Links, flat: Links, legs: MirroredLimbs, across: Floats) -> int
         foot = np.concatenate([flat.surface(link) for link in links.links_of(ankle.link)])
         along = (sole_cloud(foot) - flat.place(ankle.link, links.local(ankle.link, ankle.point))) @ across
         ahead, length = ahead + along.max() + along.min(), length + np.ptp(along)
-    return _beyond(ahead / max(length, 1e-9), SAME)
+    return _beyond(ahead / max(length, 1e-9), ONE_PLACE)
 
 
 def _toes(links: Links, legs: MirroredLimbs, across: Floats) -> int:
@@ -202,7 +202,7 @@ def _toes(links: Links, legs: MirroredLimbs, across: Floats) -> int:
         beyond = links.links_of(ankle.link)[1:] if ankle else []
         hinges = [a for a in links.axes_along(beyond) if abs(a.direction @ legs.lateral) > ALIGNED]
         ahead += sum(float((a.nearest(ankle.point) - ankle.point) @ across) / chain.reach for a in hinges[:1] if ankle)
-    return _beyond(ahead / 2, SAME)
+    return _beyond(ahead / 2, ONE_PLACE)
 
 
 def _folded(links: Links, legs: MirroredLimbs, across: Floats, angles: Floats) -> float:
@@ -229,7 +229,7 @@ def _elbows(links: Links, arms: MirroredLimbs, across: Floats) -> int:
             moved = np.cross(axis.direction, forearm)
             cosine = float(moved @ across) / max(float(np.linalg.norm(moved)), 1e-9)
             forward += _angle(links, axis, _middle_of_range(links)) * cosine * (abs(cosine) > ALIGNED)
-    return _beyond(forward / 2, BENT)
+    return _beyond(forward / 2, SHOWS_AXIS)
 
 
 def _middle_of_range(links: Links) -> Floats:
@@ -281,6 +281,6 @@ def hand_axes(bent: Links, bodies: tuple[int, int], arm: Floats) -> Floats | Non
     elbow, hand = (int(bent.weld[body]) for body in bodies)
     beyond = [link for link in bent.path(hand) if link not in bent.path(elbow)]
     frame, bend = hand_frames(*arm)
-    if len(bent.axes_along(beyond)) < 3 or bend < BENT:
+    if len(bent.axes_along(beyond)) < 3 or bend < SHOWS_AXIS:
         return None
-    return snapped_to_axes(bent.data.xmat[bodies[1]].reshape(3, 3).T @ frame, BENT)
+    return snapped_to_axes(bent.data.xmat[bodies[1]].reshape(3, 3).T @ frame, SHOWS_AXIS)

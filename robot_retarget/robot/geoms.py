@@ -318,10 +318,10 @@ def _times(matrix: Floats, vector: Floats) -> Floats:
 # Feet have separate rows. Hands, knees and the back must stay above the floor. A link that lies flat rests on several
 # points, so each geom gives its extreme points straight down and in four directions slightly to the side.
 
-FLOOR = -1
+FLOOR_GEOM = -1
 """Geom id of the floor."""
-_ASIDE = 0.3
-_BELOW = np.array([[0, 0, -1], [_ASIDE, 0, -1], [-_ASIDE, 0, -1], [0, _ASIDE, -1], [0, -_ASIDE, -1]], dtype=float)
+_RIM = 0.3
+_BELOW = np.array([[0, 0, -1], [_RIM, 0, -1], [-_RIM, 0, -1], [0, _RIM, -1], [0, -_RIM, -1]], dtype=float)
 _BEFORE = np.tri(len(_BELOW), k=-1, dtype=bool)
 _UP = np.array([0.0, 0.0, 1.0])
 _GEOM = mujoco.mjtGeom
@@ -385,7 +385,7 @@ class Floor:
         again = ((outermost[:, :, None] == outermost[:, None]) & _BEFORE).any(axis=2)
         frame, which = (~again & (place[..., 2] < self.reach)).nonzero()
         place, count = place[frame, which], len(frame)
-        pairs, up = np.array([[FLOOR, geom]]).repeat(count, axis=0), _UP[None].repeat(count, axis=0)
+        pairs, up = np.array([[FLOOR_GEOM, geom]]).repeat(count, axis=0), _UP[None].repeat(count, axis=0)
         return GeomDistances(frames[frame], place[:, 2].copy(), pairs, place, up)
 
 

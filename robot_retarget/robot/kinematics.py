@@ -18,7 +18,7 @@ from robot_retarget.robot.model import FREE, HINGE, Robot
 
 MANY = 24
 """Number of configurations from which arrays move them faster than calls of MuJoCo do."""
-BLOCK = 1024
+POSED = 1024
 """Frames whose bodies are placed at once: 2.3 MB of places and quaternions for 40 bodies."""
 
 
@@ -62,8 +62,8 @@ def world_points(robot: Robot, points: Points, qpos: Floats) -> Floats:
         qpos: (T, nq) configurations.
     """
     places = np.empty((len(qpos), len(points), 3))
-    for first in range(0, len(qpos), BLOCK):
-        block = slice(first, first + BLOCK)
+    for first in range(0, len(qpos), POSED):
+        block = slice(first, first + POSED)
         positions, rotations = body_frames(robot, qpos[block])
         turned = np.einsum("tpij,pj->tpi", rotations[:, points.bodies], points.offsets)
         places[block] = positions[:, points.bodies] + turned
@@ -342,7 +342,7 @@ def carrying(model: mujoco.MjModel) -> np.ndarray:
 
 # The motion from one frame to the next, on which links must not pass through each other either.
 
-TURN = 0.07
+CHECKED_TURN = 0.07
 """Largest change of a hinge between two checks of the links [rad]: the hand of an arm of 0.3 m, as the OP3 has it,
 moves 2 cm."""
 
@@ -361,13 +361,13 @@ class SweptConfiguration:
 
 
 def parts_between(robot: Robot, first: Floats, second: Floats) -> Ints:
-    """Return (…) the number of equal parts of the way between configurations (…, nq), each below `TURN` in every hinge."""
+    """Return (…) the number of equal parts of the way between configurations (…, nq), each below `CHECKED_TURN` in every hinge."""
     turn = np.abs(second - first)[..., robot.qpos_index].max(axis=-1, initial=0.0)
-    return (turn / TURN).astype(np.int64) + 1
+    return (turn / CHECKED_TURN).astype(np.int64) + 1
 
 
 def swept_configurations(robot: Robot, neighbour: Floats, q: Floats) -> tuple[SweptConfiguration, ...]:
-    """Return evenly spaced configurations between two frames, one at least, less than `TURN` apart in every hinge.
+    """Return evenly spaced configurations between two frames, one at least, less than `CHECKED_TURN` apart in every hinge.
 
     Args:
         neighbour: (nq,) configuration of the neighbour in time.

@@ -24,7 +24,7 @@ its hip. Of eight robots half loses the G1's hands and moves ToddlerBot's hips b
 the CMU humanoid by 20 mm."""
 CANTED = 0.5
 """A hip flexion axis has at least this cosine with the hip line; robots cant it by up to 45°."""
-SAME = 0.1
+ONE_PLACE = 0.1
 """Places nearer than this share of a limb or sole are the same: mirrored hinge lines and ends, heights at which limbs
 start or end, the middle of a sole and its ankle [-]. Half and double recognise the same in eight robots."""
 SOLE = 0.01
@@ -129,7 +129,7 @@ def _mirrored(links: Links, carrier: int, tails: tuple[list[int], list[int]]) ->
     ):
         one, other = (Chain(tuple(t), a, *end) for t, a, *end in zip(tails, axes, ends, clouds, strict=True))
         miss = _miss(one, other)
-        if miss < SAME:
+        if miss < ONE_PLACE:
             return MirroredLimbs(carrier, (one, other), miss)
     return None
 

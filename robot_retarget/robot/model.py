@@ -28,9 +28,9 @@ STANDING_KEYS = ("stand", "home", "standing", "default", "initial")
 """Names of keyframes in which a robot stands on flat feet."""
 DEFAULT_RANGE = np.pi
 """A hinge without any stated range may turn this far either way [rad]."""
-ROUNDING = 1e-3
+AT_SPEED_BOUND = 1e-3
 """A speed within this share of its bound is bounded: the solver keeps bounds to 1e-4 [-]."""
-OVERLAP = 0.5
+RANGE_OVERLAP = 0.5
 """Ranges of model and servo map that share less of the smaller one are a mistake [-]: of 25 joints of Poppy half finds five of seven that are
 mirrored, and of the shipped robots none."""
 DEFAULT_MAX_SPEED = 10.0
@@ -323,7 +323,7 @@ def with_servos(robot: Robot, servo_map: ServoMap) -> Robot:
             ends = (lower[k], upper[k]), servo_map[joint].reach
             lower[k], upper[k] = max(ends[0][0], ends[1][0]), min(ends[0][1], ends[1][1])
             speed[k] = min(speed[k], servo_map.limits.speed)
-            if upper[k] - lower[k] < OVERLAP * min(high - low for low, high in ends):
+            if upper[k] - lower[k] < RANGE_OVERLAP * min(high - low for low, high in ends):
                 apart.append(
                     f"{joint} by " + " and by ".join("{:.0f} … {:.0f}°".format(*np.degrees(end)) for end in ends)
                 )
@@ -335,7 +335,7 @@ def with_servos(robot: Robot, servo_map: ServoMap) -> Robot:
 def assumed_speed_notes(robot: Robot, angles: Floats, fps: float) -> list[str]:
     """Return a note on joints whose motion (T, n) [rad] is as fast as their assumed bound allows, which the file does not state."""
     top = np.abs(np.diff(angles, axis=0)).max(axis=0, initial=0.0) * fps
-    bound = (robot.max_speed == DEFAULT_MAX_SPEED) & (top > (1 - ROUNDING) * DEFAULT_MAX_SPEED)
+    bound = (robot.max_speed == DEFAULT_MAX_SPEED) & (top > (1 - AT_SPEED_BOUND) * DEFAULT_MAX_SPEED)
     if not bound.any():
         return []
     names = ", ".join(robot.joint_names[k] for k in np.flatnonzero(bound))

@@ -20,7 +20,7 @@ from robot_retarget.trajectory import Trajectory, load_trajectory
 
 # Lines of a map file that replace recognised keypoints of a robot.
 
-FARTHEST = 10.0
+OUTLYING = 10.0
 """A keypoint farther from its body is a mistake [m]."""
 FORWARD = "forward"
 """The line that sets the robot's heading."""
@@ -89,11 +89,11 @@ def _heading(line: Any) -> Floats:
 
 
 def _are_numbers(values: Any, count: int) -> bool:
-    """Whether a value is a list of `count` finite numbers within `FARTHEST`."""
+    """Whether a value is a list of `count` finite numbers within `OUTLYING`."""
     return (
         isinstance(values, list)
         and len(values) == count
-        and all(isinstance(v, int | float) and not isinstance(v, bool) and abs(v) <= FARTHEST for v in values)
+        and all(isinstance(v, int | float) and not isinstance(v, bool) and abs(v) <= OUTLYING for v in values)
     )
 
 
@@ -120,7 +120,7 @@ def _sites(robot: Robot, table: Mapping[str, Any]) -> dict[str, KeypointSite]:
                 f"override names the keypoint {keypoint!r}; {known((*KEYPOINTS, FORWARD, FREEZE), typed=keypoint)}"
             )
         if not (isinstance(line, list) and line and isinstance(line[0], str) and _are_numbers(line[1:], 3)):
-            raise MatchError(f'override of {keypoint} must be ["body", x, y, z], within {FARTHEST:g} m, got {line!r}')
+            raise MatchError(f'override of {keypoint} must be ["body", x, y, z], within {OUTLYING:g} m, got {line!r}')
         if line[0] not in bodies:
             raise MatchError(
                 f"override of {keypoint}: {robot.name} has no body {line[0]!r}; {known(bodies, typed=line[0])}"
@@ -133,7 +133,7 @@ def _sites(robot: Robot, table: Mapping[str, Any]) -> dict[str, KeypointSite]:
 
 PARTS = {"arms": ("l_hand", "r_hand"), "upper": ("l_ankle", "r_ankle")}
 """Keypoints at the ends of the limbs that alone may move (arms), or that alone may not (upper)."""
-SLACK = 1e-6
+RANGE_ROUNDING = 1e-6
 """Angles beyond a range by rounding alone are within it [rad]."""
 
 
@@ -223,6 +223,6 @@ def _angle(robot: Robot, joint: int, text: str) -> float:
 def _within(robot: Robot, joint: int, angle: float) -> float:
     """Return an angle, if it is within the range of its joint [rad]."""
     name, low, high = robot.joint_names[joint], robot.lower[joint], robot.upper[joint]
-    if not low - SLACK <= angle <= high + SLACK:
+    if not low - RANGE_ROUNDING <= angle <= high + RANGE_ROUNDING:
         raise UsageError(f"freeze {name}={angle:g}: outside its range {low:.3f} … {high:.3f} rad")
     return float(np.clip(angle, low, high))

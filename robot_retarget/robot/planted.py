@@ -10,7 +10,7 @@ from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.recognise import recognise
 
-SUNK = 1e-3
+OTHER_CARRIES = 1e-3
 """The other foot carries the robot once it would be this far below the floor [m]: a hundred times the unevenness of both treads in
 the standing poses of the OP3, the G1 and ToddlerBot, measured."""
 
@@ -38,7 +38,7 @@ def planted(robot: Robot, angles: Floats) -> Floats:
     place, start = _level(soles[side][0]), robot.root_address
     for t in range(1, len(bodies)):
         best = max("lr", key=lambda foot: lowest[foot][t])
-        if lowest[side][t] < -SUNK:
+        if lowest[side][t] < -OTHER_CARRIES:
             place, side = _level(place @ np.linalg.solve(soles[side][t], soles[best][t])), best
         root = place @ np.linalg.solve(soles[side][t], bodies[t, robot.root_body])
         turn = Rotation.from_matrix(root[:3, :3]).as_quat(canonical=True, scalar_first=True)

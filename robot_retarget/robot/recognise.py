@@ -26,7 +26,7 @@ from robot_retarget.robot.anatomy import (
 from robot_retarget.robot.facing import Facing, facing, hand_axes
 from robot_retarget.robot.limbs import (
     ARM_WORDS,
-    SAME,
+    ONE_PLACE,
     MirroredLimbs,
     arm_centres,
     box_middle,
@@ -43,7 +43,7 @@ from robot_retarget.robot.soles import flat_footed, sole, tread
 
 HEAD_WORDS = {"head", "skull", "face"}
 TRUNK_WORDS = {"torso", "chest", "trunk", "thorax"}
-NECK = 0.3
+NECK_PLACE = 0.3
 """Position of a neck without usable hinges, as a share of the way from the shoulders to the head; a trunk of one piece
 ends in a head if it exceeds the shoulders by this share of their height over the pelvis [-]. In the skeletons of 30
 clips it is 0.34 to 0.45 (quartiles); half and double move the necks of three of eight robots by 2 to 7 cm."""
@@ -123,7 +123,7 @@ def _legs(links: Links, pairs: list[MirroredLimbs]) -> MirroredLimbs | None:
         chain = pair.chains[0]
         return min(6, sum(axis.joint not in led for axis in chain.axes)), chain.reach
 
-    return max((p for p in candidates if p.lowest < lowest + SAME * reach), key=moves)
+    return max((p for p in candidates if p.lowest < lowest + ONE_PLACE * reach), key=moves)
 
 
 def _hang(pair: MirroredLimbs, trunk: Floats) -> int:
@@ -151,7 +151,7 @@ def _refuse_quadruped(robot: Robot, links: Links, pairs: list[MirroredLimbs], ar
     walking = [
         p
         for p in others
-        if abs(p.lowest - lowest.lowest) < SAME * reach and abs(p.height - lowest.height) < SAME * reach
+        if abs(p.lowest - lowest.lowest) < ONE_PLACE * reach and abs(p.height - lowest.height) < ONE_PLACE * reach
     ]
     if walking and (arms is None or arms in (lowest, *walking)):
         names = [links.model.body(p.chains[0].links[-1]).name for p in (lowest, walking[0])]
@@ -289,7 +289,7 @@ def _head(
     if top is None or not (free or "l_shoulder" in limbs):
         return {}
     head = box_middle(top.cloud)
-    neck = top.base if top.base is not None else shoulders + NECK * (head - shoulders)
+    neck = top.base if top.base is not None else shoulders + NECK_PLACE * (head - shoulders)
     where = trunk if top.base is None else links.parent(top.link) if links.axes[top.link] else top.link
     return {
         "neck": _site(links, where if where in links.ids else trunk, neck, LIKELY, "base of the head"),
@@ -313,7 +313,7 @@ def _topmost(links: Links, trunk: int, free: list[int], shoulders: Floats) -> _T
     link = max(named or free, key=lambda x: links.surface(x)[:, 2].max())
     cloud = links.surface(link)
     axes = links.axes_along([x for x in links.path(link) if x not in links.path(trunk)])
-    between = shoulders + NECK * (box_middle(cloud) - shoulders)
+    between = shoulders + NECK_PLACE * (box_middle(cloud) - shoulders)
     base = axes[-1].nearest(axes[0].anchor if len(axes) > 1 else between) if axes else between
     return _Top(link, cloud, *(("by name", SURE) if named else ("topmost link", LIKELY)), base)
 
@@ -326,7 +326,7 @@ def _trunk_top(links: Links, trunk: int, shoulders: Floats, height: float) -> _T
         return _Top(trunk, max(above, key=lambda p: p[:, 2].max()), "topmost geom of the trunk, no neck joint", LIKELY)
     surface = links.surface(trunk)
     top = float(surface[:, 2].max() - shoulders[2])
-    if top < NECK * height:
+    if top < NECK_PLACE * height:
         return None
     upper = surface[surface[:, 2] > shoulders[2] + top / 2]
     return _Top(trunk, upper, "what of the trunk stands over the shoulders, no neck joint", GUESSED)

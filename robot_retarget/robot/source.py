@@ -312,9 +312,9 @@ def _mesh_shapes(tree: ET.Element) -> Iterator[tuple[ET.Element, str, ET.Element
 
 # Compile a specification, or load its model from the user's cache: hulls of large meshes take long to compute.
 
-LEAST = 5e6
+KEPT_FROM = 5e6
 """Models with smaller assets compile about as fast as they load [bytes]."""
-MOST = 1e9
+KEPT_BYTES = 1e9
 """The kept models take no more: one of a robot with detailed meshes takes .1 of it [bytes]."""
 
 
@@ -347,7 +347,7 @@ def _keep(model: mujoco.MjModel, place: Path) -> None:
         private_cache()
         with keeping(place) as scratch:
             mujoco.mj_saveModel(model, str(scratch))
-        drop_oldest("*.mjb", MOST)
+        drop_oldest("*.mjb", KEPT_BYTES)
     except (OutputError, OSError):
         return
 
@@ -356,7 +356,7 @@ def _place(spec: mujoco.MjSpec, path: Path, freed: Quaternion | None) -> Path | 
     """Return where a model is kept, by a hash of all that determines it; None for one with small or unknown files."""
     try:
         assets = _assets(spec)
-        if sum(asset.stat().st_size for asset in assets) < LEAST:
+        if sum(asset.stat().st_size for asset in assets) < KEPT_FROM:
             return None
         digest = hashlib.sha256(
             repr((mujoco.__version__, freed, assets)).encode()

@@ -18,13 +18,13 @@ HANGING = np.pi / 4
 """An upper arm nearer to straight down hangs [rad]: the standing keyframes of OP3, T1, ToddlerBot and G1 have 0.17 to 0.3."""
 ASIDE = 0.2
 """A hanging arm points aside by this angle, as in those keyframes (0.17 to 0.3), so that hands clear the hips [rad] ..."""
-BENT = 0.3
+FOREARM_BENT = 0.3
 """... and its forearm forward by this one, which tells how the arm is twisted [rad]: half and double change the
 standing poses of three of eight robots by this half and this whole."""
 STAY = 0.01
 """Weight of the angles of hinges [1/rad] over that of the directions [-]: between equal poses the reference pose
 decides. Half and double move hinges of eight robots by at most 4e-3 rad."""
-TRIED = 3
+TURNS_TRIED = 3
 """Number of quarter turns of the hinges that a descent starts from: the nearest. With 2 and 6 eight robots stand the
 same."""
 
@@ -55,7 +55,7 @@ def _hang(robot: Robot, anatomy: Anatomy, side: str, pose: Floats) -> None:
         return
     ahead = unit(anatomy.forward * [1.0, 1.0, 0.0])
     aside = np.append(leftward(ahead[:2]), 0.0) * (1.0 if side == "l" else -1.0)
-    wanted = np.array([[np.sin(ASIDE), 0.0, -np.cos(ASIDE)], [0.0, np.sin(BENT), -np.cos(BENT)]])
+    wanted = np.array([[np.sin(ASIDE), 0.0, -np.cos(ASIDE)], [0.0, np.sin(FOREARM_BENT), -np.cos(FOREARM_BENT)]])
     wanted = wanted @ np.stack([aside, ahead, [0.0, 0.0, 1.0]])
     columns, bounds = robot.qpos_index[hinges], (robot.lower[hinges] - 1e-9, robot.upper[hinges] + 1e-9)
     own = np.clip(pose[columns], *bounds)
@@ -67,7 +67,7 @@ def _hang(robot: Robot, anatomy: Anatomy, side: str, pose: Floats) -> None:
         return np.hstack([(_bones(robot, points, turned) - wanted).reshape(len(angles), -1), STAY * (angles - own)])
 
     starts = np.clip(own + _starts(len(hinges)), *bounds)
-    nearest = starts[np.argsort((errors(starts) ** 2).sum(axis=1))[:TRIED]]
+    nearest = starts[np.argsort((errors(starts) ** 2).sum(axis=1))[:TURNS_TRIED]]
     found = [least_squares(lambda angles: errors(angles[None])[0], s, bounds=bounds, xtol=1e-6) for s in nearest]
     pose[columns] = min(found, key=lambda solved: solved.cost).x
 

@@ -28,7 +28,7 @@ from robot_retarget.scene.geoms import filled
 
 CORNER_NAMES = ("front left", "front right", "rear left", "rear right")
 CORNERS = len(CORNER_NAMES)
-LEAST = 0.01
+LEAST_SOLE = 0.01
 """Least length and width of a sole [m]; a shorter sole has no clear heading. Half and double give the same soles of
 eight robots."""
 NONE = Points(np.zeros(0, int), np.zeros((0, 3)))
@@ -108,7 +108,7 @@ def sole_corners(anatomy: Anatomy, foot: str) -> Points:
     body, axes = anatomy.frames[f"{foot}_foot"]
     along = anatomy.treads[foot].offsets @ axes
     low, middle, half = along[:, 2].min(), (along.min(0) + along.max(0)) / 2, np.ptp(along, axis=0) / 2
-    (back, right, _), (front, left, _) = (middle + way * np.maximum(half, LEAST / 2) for way in (-1, 1))
+    (back, right, _), (front, left, _) = (middle + way * np.maximum(half, LEAST_SOLE / 2) for way in (-1, 1))
     corners = np.array([[front, left, low], [front, right, low], [back, left, low], [back, right, low]])
     return Points(np.full(CORNERS, body), corners @ axes.T)
 

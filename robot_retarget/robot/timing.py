@@ -8,7 +8,7 @@ from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.robot.model import FREE, Robot
 from robot_retarget.trajectory import Trajectory
 
-TICK = 1e-9
+FRAME_ROUNDING = 1e-9
 """Frame times are whole multiples of 1 / fps up to this part of a frame."""
 
 
@@ -68,7 +68,7 @@ def resample(trajectory: Trajectory, robot: Robot, fps: float) -> Trajectory:
     if not (np.isfinite(fps) and fps > 0):
         raise UsageError(f"frames per second must be positive, got {fps}")
     require_same_robot(trajectory, robot)
-    times = np.arange(int(np.floor(trajectory.duration * fps + TICK)) + 1) / fps
+    times = np.arange(int(np.floor(trajectory.duration * fps + FRAME_ROUNDING)) + 1) / fps
     source = np.interp(times, np.arange(len(trajectory)) / trajectory.fps, trajectory.source_time)
     scene = None if trajectory.scene is None else trajectory.scene.resampled(times * trajectory.fps)
     return trajectory.altered(qpos=sample(trajectory, robot, times), fps=fps, source_time=source, scene=scene)

@@ -235,10 +235,10 @@ SIDE = 5
 """Points along each side of a sole that find its part on a surface that is smaller ..."""
 HALVINGS = 6
 """... whose edge is found by halving the way between them: a millimetre on a sole of 25 cm."""
-REST = 0.003
+RESTING = 0.003
 """Points this much higher than the lowest one rest on the ground as well [m]. Half and double find the same ground on
 the three sample scenes."""
-SAME = 4
+SOLE_DECIMALS = 4
 """Soles that agree to this number of decimals stand alike [m]: to 0.1 mm."""
 
 
@@ -296,7 +296,7 @@ class SolidGround:
         """
         if self.level:
             return sole, sole[:, 2], np.broadcast_to([0.0, 0.0, 1.0], sole.shape)
-        key = sole.round(SAME).tobytes()
+        key = sole.round(SOLE_DECIMALS).tobytes()
         if key not in self._known:
             self._known[key] = self._footing(sole)
         return self._known[key]
@@ -304,7 +304,7 @@ class SolidGround:
     def _footing(self, sole: Floats) -> tuple[Floats, Floats, Floats]:
         points = filled(sole)
         heights = self.over(points[None])[0]
-        highest = float(heights.min()) + REST
+        highest = float(heights.min()) + RESTING
         edge = self._edge(points.reshape(SIDE, SIDE, 3), (heights < highest).reshape(SIDE, SIDE), highest)
         points = np.concatenate([points[heights < highest], edge])
         with suppress(QhullError, ValueError):  # a point or a line has no hull

@@ -73,7 +73,7 @@ ORDERS = ("wxyz", "xyzw")
 INTERMIMIC = slice(318, 325)
 """Columns of InterMimic's rows with the pose of the object: x y z [m], quaternion x y z w."""
 POSE_KEYS = ("poses", "object_poses", "object_pose")
-GAP = 0.5
+LONGEST_GAP = 0.5
 """Longest time in which a body, or a point of a human, was not seen that is bridged [s]."""
 ROBOT = 7
 """Columns of a root before the joints of a robot, and of an object behind them."""
@@ -122,7 +122,7 @@ def _motive(file: Path, name: str, order: str | None) -> PoseTable:
 
 
 def _bridged(poses: Floats, fps: float | None) -> Floats:
-    """Poses (T, 7) whose gaps of up to `GAP` are bridged along the shortest way; longer ones stay NaN."""
+    """Poses (T, 7) whose gaps of up to `LONGEST_GAP` are bridged along the shortest way; longer ones stay NaN."""
     turns = checked_quaternions(poses[:, 3:], "Rotation", gaps=True)
     poses = np.concatenate([poses[:, :3], turns], axis=1)
     seen, frames = np.isfinite(poses).all(axis=1), np.arange(len(poses))
@@ -132,7 +132,7 @@ def _bridged(poses: Floats, fps: float | None) -> Floats:
     led = interpolated(poses[known], np.interp(frames, known, np.arange(len(known))))
     after = known[np.minimum(np.searchsorted(known, frames), len(known) - 1)]
     before = known[np.maximum(np.searchsorted(known, frames, "right") - 1, 0)]
-    short = (before < frames) & (frames < after) & (after - before - 1 <= GAP * fps)
+    short = (before < frames) & (frames < after) & (after - before - 1 <= LONGEST_GAP * fps)
     return np.where((seen | short)[:, None], np.where(short[:, None], led, poses), np.nan)
 
 

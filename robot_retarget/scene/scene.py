@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from robot_retarget.base.arrays import Floats, frozen
 from robot_retarget.base.errors import SceneError
 from robot_retarget.base.untrusted.arrays import Field
-from robot_retarget.base.untrusted.rotations import UNIT
+from robot_retarget.base.untrusted.rotations import UNIT_NORM
 from robot_retarget.scene.shape import BodyShape, ShapeKind
 
 IDENTITY = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
@@ -50,7 +50,7 @@ class RigidBody:
         if lost.size:
             raise SceneError(f"{self.title} has no pose at frame {lost[0]} ({lost.size} of {len(table)} frames)")
         norms = np.linalg.norm(table[:, 3:], axis=1)
-        wrong = np.flatnonzero(np.abs(norms - 1) > UNIT)
+        wrong = np.flatnonzero(np.abs(norms - 1) > UNIT_NORM)
         if wrong.size:
             raise SceneError(
                 f"{self.title}: the quaternion at frame {wrong[0]} has the norm {norms[wrong[0]]:.4g}, not 1: "

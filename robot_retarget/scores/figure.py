@@ -88,7 +88,7 @@ def shown_apart(value: float, bound: float, unit: str) -> tuple[str, str]:
     )
 
 
-NEAR = 0.1
+NEAR_LIMIT = 0.1
 """By definition, a figure is near its limit within this share of the limit, on either side [-]."""
 
 
@@ -109,9 +109,9 @@ class Check(NamedTuple):
         return (figures.get(self.figure) or 0.0) > getattr(most, self.threshold)
 
     def near(self, figures: Mapping[str, Any], most: Any) -> bool:
-        """Return whether the figure is within `NEAR` of its threshold."""
+        """Return whether the figure is within `NEAR_LIMIT` of its threshold."""
         value, bound = figures.get(self.figure), getattr(most, self.threshold)
-        return value is not None and 0 < bound < np.inf and abs(value - bound) <= NEAR * bound
+        return value is not None and 0 < bound < np.inf and abs(value - bound) <= NEAR_LIMIT * bound
 
     def reason(self, figures: Mapping[str, Any], most: Any) -> str:
         """Return the sentence of a figure."""

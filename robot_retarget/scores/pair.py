@@ -121,7 +121,7 @@ def _about_z(angles: Floats) -> Floats:
 MOMENTS = (2.0, 40)
 """The bound of a clip is found at this many moments a second, and at most at this many in all: angles vary slowly. Half
 and double change the bounds of three clips on the OP3 by at most 1.1 and 0.7° (7.7 and 8.1 for 8.7° in a dance)."""
-ROUNDS = 25
+BOUND_STEPS = 25
 """Steps of a descent to the bound; angles change by less than 0.05° after 20 on the shipped clips."""
 DRAWN = 6
 """Drawn starts, in addition to the played pose, the standing pose and the middle of the ranges: half and double give
@@ -179,7 +179,7 @@ class _Descent:
         """Return angles (N, B) [rad] after the descent from qpos (N, nq) to unit directions (N, B, 3)."""
         q, damping = self._within(qpos), np.full(len(qpos), 1e-2)
         bones, slopes = self._bones(q)
-        for k in range(ROUNDS):
+        for k in range(BOUND_STEPS):
             error = bones - wanted
             flat = FLAT ** min(1.0, k / 12)
             weight = 1 / np.maximum(angles_between(bones, wanted), flat)

@@ -74,7 +74,7 @@ EXCESS = 1e-3
 """Less beyond a range is rounding of a file [rad]."""
 JUMP = 15.0
 """A faster hinge jumps [rad/s]: 0.5 rad between frames at 30 frames a second; servos reach up to 10."""
-MARGIN = 0.05
+NEAR_RANGE = 0.05
 """Share of a joint's range at either end that is near its limit [-]: 5 %, as above."""
 
 
@@ -125,7 +125,7 @@ def self_penetration(subject: Subject) -> tuple[Value, ...]:
 def nmr(subject: Subject) -> tuple[Value, ...]:
     """Jumps, self-collision and nearness to limits."""
     robot, angles = subject.robot, subject.angles
-    margin = MARGIN * (robot.upper - robot.lower)
+    margin = NEAR_RANGE * (robot.upper - robot.lower)
     near = (angles < robot.lower + margin) | (angles > robot.upper - margin)
     jumps = int((subject.speeds.max(axis=1, initial=0.0) > JUMP).sum())
     return jumps, 100 * np.mean(subject.depth > 0), 100 * np.mean(near.any(axis=1))
@@ -344,9 +344,9 @@ def zmp(subject: Subject) -> tuple[Value, ...]:
 # the front of the sole: (.142, 0, −.030) m in the G1's ankle roll link, where holosoma has (.14, 0, −.03). A foot that stands on its
 # heel moves its toe: `skate_cm_s` is the speed of the slowest point of the sole. Contact preservation needs the pose of an object.
 
-DEEP = 0.01
+COUNTED_DEPTH = 0.01
 """Penetration beyond this counts [m]: 1 cm, as above."""
-STEP = 0.01
+TOE_STEP = 0.01
 """A toe in stance moves at most this far in a frame [m]: 1 cm, as above."""
 TOES = ("l_toe", "r_toe")
 
@@ -358,7 +358,7 @@ TOES = ("l_toe", "r_toe")
 def penetration(subject: Subject) -> tuple[Value, ...]:
     """The share of frames that penetrate, and the mean depth of their deepest geom."""
     depth = _depths(subject)
-    deep = depth > DEEP
+    deep = depth > COUNTED_DEPTH
     return 100 * deep.mean(), 100 * depth[deep].mean() if deep.any() else 0.0
 
 
@@ -374,8 +374,8 @@ def skating(subject: Subject) -> tuple[Value, ...]:
         return None, None
     toes = [pair.index(toe) for toe in TOES]
     human, robot = (np.linalg.norm(np.diff(x[:, toes, :2], axis=0), axis=2) for x in (pair.human, pair.robot))
-    stance = human * pair.match.leg_ratio <= STEP
-    slide = np.where(stance & (robot > STEP), robot, 0.0).max(axis=1)
+    stance = human * pair.match.leg_ratio <= TOE_STEP
+    slide = np.where(stance & (robot > TOE_STEP), robot, 0.0).max(axis=1)
     skates, stands = slide > 0, stance.any(axis=1)
     if not skates.any():
         return 0.0, 0.0

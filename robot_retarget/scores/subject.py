@@ -17,7 +17,7 @@ from robot_retarget.robot.body_distances import RobotAmongBodies
 from robot_retarget.robot.contacts import replay_contacts
 from robot_retarget.robot.dynamics import required_forces
 from robot_retarget.robot.geoms import solid_geoms
-from robot_retarget.robot.kinematics import BLOCK
+from robot_retarget.robot.kinematics import POSED
 from robot_retarget.robot.limbs import SOLE
 from robot_retarget.robot.links import local_points
 from robot_retarget.robot.support import feet_of
@@ -51,13 +51,13 @@ def foot_of(robot: Robot, sole: Points, qpos: Floats, fps: float) -> Foot:
     """Follow a sole through configurations (T, nq), a block of frames at a time."""
     count = len(qpos)
     lowest, middle, slip = np.empty(count), np.empty((count, 2)), np.zeros(count)
-    for first in range(0, count, BLOCK):
+    for first in range(0, count, POSED):
         before = max(first - 1, 0)
-        places, new = world_points(robot, sole, qpos[before : first + BLOCK]), slice(first, first + BLOCK)
+        places, new = world_points(robot, sole, qpos[before : first + POSED]), slice(first, first + POSED)
         own = places[first - before :]
         lowest[new], middle[new] = own[..., 2].min(axis=1), own[..., :2].mean(axis=1)
         steps = np.linalg.norm(np.diff(places[..., :2], axis=0), axis=2) * fps
-        slip[before + 1 : first + BLOCK] = steps.min(axis=1, initial=np.inf)
+        slip[before + 1 : first + POSED] = steps.min(axis=1, initial=np.inf)
     return Foot(lowest, middle, slip)
 
 
@@ -94,7 +94,7 @@ def _places(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Floats:
     return local @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom] - below
 
 
-FAR = 0.05
+TOUCH_REACH = 0.05
 """Links that are farther from a body do not touch it [m]: 2.5 times the 2 cm of `pose.BODY_TOUCH`."""
 OVERLAP = 1e-3
 """Overlaps of links up to this depth are the softness of a touch [m]: half and double find none in three clips
@@ -137,10 +137,10 @@ class Subject:
 
     @cached_property
     def body_distances(self) -> Floats:
-        """(T, B, L) distances of links from the bodies around, at most `FAR` [m]."""
+        """(T, B, L) distances of links from the bodies around, at most `TOUCH_REACH` [m]."""
         scene, qpos = self.trajectory.scene, self.trajectory.qpos
         assert scene is not None
-        distances = RobotAmongBodies(self.robot, scene).along(qpos, scene.poses(len(qpos)), FAR)
+        distances = RobotAmongBodies(self.robot, scene).along(qpos, scene.poses(len(qpos)), TOUCH_REACH)
         return distances.reshape(len(qpos), len(scene), -1)
 
     @cached_property

@@ -41,7 +41,7 @@ TRIES = 4
 """Number of attempts for a request that must not fail: a wire that loses 1 in 100 loses four in a row once in 10⁸."""
 DEAD = 30.0
 """An emulator in lockstep that is silent for this long hangs [s]."""
-TURN = 0.6e-3
+ANSWER_DELAY = 0.6e-3
 """Longest time before a servo answers [s]: 254 units of 2 µs of the register `return_delay_time`, and the turn of the line."""
 CHAIN = HEADER + bytes((BROADCAST,))
 """First bytes of an answer to a fast read."""
@@ -271,7 +271,7 @@ class Bus:
         return Reply(frame.id, code, hardware, frame.data)
 
     def _deadline(self, size: int, servos: int, patience: float) -> float:
-        return time.monotonic() + size * 10 / self.baud + servos * TURN + (DEAD if self.lockstep else patience)
+        return time.monotonic() + size * 10 / self.baud + servos * ANSWER_DELAY + (DEAD if self.lockstep else patience)
 
     def _frames(self, until: float) -> Iterator[DynamixelPacket]:
         """Yield status frames until the timeout."""

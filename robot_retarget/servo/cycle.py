@@ -182,7 +182,7 @@ class Judge:
         return ", ".join(f"{servo.joint} (servo {servo.id})" for servo, yes in servos if yes)
 
 
-SPARE = 1.5e-3
+SPARE_TIME = 1.5e-3
 """With at least this much of a tick left, slow registers are read at a rate that covers all servos in ROUND [s]."""
 ROUND = 0.1
 """With less time left, the slow registers of one servo are read in each interval of this length [s]."""
@@ -244,7 +244,7 @@ class Cycle:
         self.link.listen()
         now = due if self._lockstep else time.monotonic()
         self._open["busy"] = now - began
-        if due + period - now > SPARE:
+        if due + period - now > SPARE_TIME:
             self._sense(ceil(2 * len(goal) * period / ROUND))
             self.finish()
         elif now - self._sensed > ROUND:

@@ -18,10 +18,10 @@ from robot_retarget.servo.protocol import LAST_ID
 
 BAUDS = (2_000_000, 1_000_000, 57_600, 3_000_000, 4_000_000, 115_200)
 """Rates in the order in which they are tried [1/s]; 57,600 is that of a new servo."""
-NUDGE = 0.15
+SHIFT = 0.15
 """A servo moves by this and back [rad]: three times the 0.045 by which the dry friction of a 2XL430 holds it back, at the gain of
 its data sheet."""
-MOVING = 1.5
+SHIFT_TIME = 1.5
 """Time of that movement, there and back [s]: 0.4 rad/s at most, half of the approach speed of `Limits`."""
 
 
@@ -74,7 +74,7 @@ def draft(
 ) -> ServoMap:
     """Return a map of the servos on a port.
 
-    Each servo with torque off moves by `NUDGE` towards larger positions and back, and is released. Its zero is where it stood.
+    Each servo with torque off moves by `SHIFT` towards larger positions and back, and is released. Its zero is where it stood.
 
     Args:
         robot: name of the robot.
@@ -120,10 +120,10 @@ def _nudge(found: FoundServo, model: Model, port: str | Path, options: PlaybackO
         raise ServoError(f"servo {found.id} has torque on: switch it off first, the draft moves free servos")
     towards = 1 if here < model.steps / 2 else -1
     limits = Limits(approach_time=0.1, min_voltage=0.8 * voltage, max_voltage=1.2 * voltage)
-    servo = Servo(f"servo_{found.id}", found.id, model.name, towards, here, lower=-2 * NUDGE, upper=2 * NUDGE)
+    servo = Servo(f"servo_{found.id}", found.id, model.name, towards, here, lower=-2 * SHIFT, upper=2 * SHIFT)
     alone = ServoMap("draft", (servo,), found.baud, limits)
     rate = 50.0
-    rise = NUDGE * minimum_jerk(np.linspace(0, 1, round(MOVING / 2 * rate)))
+    rise = SHIFT * minimum_jerk(np.linspace(0, 1, round(SHIFT_TIME / 2 * rate)))
     plan = ServoPlan(np.concatenate([rise, rise[::-1]])[:, None], rate)
     how = PlaybackOptions(end_pose=False, release=True, grace=0.0, lockstep=options.lockstep)
     outcome = play(plan, alone, port, how)

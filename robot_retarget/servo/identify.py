@@ -39,14 +39,14 @@ GUESS = (0.01, 0.05, 1.0, 1.0)
 """Armature [kg m²], friction [N m], drag over the back-EMF [-] and gain factor [-] from which the fit starts; from half
 and double of all it ends at the same."""
 FITTED = ("damping", "friction", "armature", "gain")
-BLOCK = 1.0
+CORRELATED = 1.0
 """Time within which residuals are correlated [s]. Of 20 simulated servos whose angles are read up to 4 ms late, the truth is
 inside two standard errors 19 times or more for each parameter, measured; of twelve with 0.25 s ten times, with 3 s nine."""
 TRAVEL = 0.4
 """A joint of a log that moves less is refused [rad]: half of `SWING`."""
 POOR = 0.01
 """A fit with a larger mean error of the angles is refused [rad]: 6.5 ticks; good fits on the emulator have less than 1e-3."""
-WEIGHT = 2.0
+WEIGHT_FACTOR = 2.0
 """The weight that fits best is within this factor of the pendulum's; a stall torque below the datasheet's moves it too."""
 DIFFERENCE = 1e-3
 """Relative step of the fit's finite differences [-]: dry friction makes the residual rough below it. Half and double
@@ -153,7 +153,7 @@ def excitation(rate: float = RATE) -> ServoPlan:
 def fit(sent: Floats, present: Floats, rate: float, servo: Servo, carried: Pendulum | Floats, voltage: float) -> Fit:
     """Fit a servo's mechanics and its delay to recorded goals and angles, by least squares of simulated angles.
 
-    The standard errors are those of residuals that are correlated within `BLOCK`, and of a load that is stated wrongly: the change of
+    The standard errors are those of residuals that are correlated within `CORRELATED`, and of a load that is stated wrongly: the change of
     each parameter when the weight is fitted, too.
 
     Args:
@@ -186,7 +186,7 @@ def fit(sent: Floats, present: Floats, rate: float, servo: Servo, carried: Pendu
     armature, friction, drag, gain = np.exp(found.x[:4]).tolist()
     damping = max((drag - 1) * motor.back_emf, 0.0)
     values = np.array([drag * motor.back_emf, friction, armature, gain])
-    chance = _standard_errors(found.jac, found.fun, round(BLOCK * rate))[:4]
+    chance = _standard_errors(found.jac, found.fun, round(CORRELATED * rate))[:4]
     spread = values * np.hypot(chance, felt.x[:4] - found.x[:4])[[2, 1, 0, 3]]
     identified = Identified(round(damping, 5), round(friction, 5), round(armature, 6), round(gain, 4))
     return Fit(
@@ -217,7 +217,7 @@ def _require_good(error: float, weight: float, carried: Pendulum | Floats) -> No
             f"no servo of this model with this pendulum moves so: simulated angles are {error:.4f} rad off on average, more than "
             f"{POOR:g}; check --mass, --length, the model in the map, and that nothing touches the pendulum"
         )
-    if not 1 / WEIGHT <= weight <= WEIGHT:
+    if not 1 / WEIGHT_FACTOR <= weight <= WEIGHT_FACTOR:
         raise ServoError(
             f"the weight that fits best is {weight:.2f} times the {carried.weight:.3g} N m of the pendulum; "
             "check that it is attached, hangs at 0 rad and has this --mass and --length"

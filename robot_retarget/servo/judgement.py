@@ -208,7 +208,7 @@ def judged_ways(
 
 # Several judged clips in one playback, with idle motion or a pause between them.
 
-LONGEST = 3600.0
+LONGEST_PAUSE = 3600.0
 """A longer pause, or more repetitions, is a mistake [s] or [-]."""
 
 
@@ -262,14 +262,14 @@ def read_playlist(path: str | Path) -> Playlist:
     clips, repeat, idle = tables.get("clip"), tables.get("repeat", 1), tables.get("idle")
     if not isinstance(clips, list) or not clips or not all(isinstance(clip, dict) for clip in clips):
         raise ServoError(f"{path}: a playlist has a table [[clip]] for each clip")
-    if not isinstance(repeat, int) or not 1 <= repeat <= LONGEST or not isinstance(idle, str | None):
+    if not isinstance(repeat, int) or not 1 <= repeat <= LONGEST_PAUSE or not isinstance(idle, str | None):
         raise ServoError(f"{path}: repeat is a number from 1, idle a file")
     folder, files, pauses = Path(path).parent, list[Path](), list[float]()
     for k, clip in enumerate(clips, 1):
         _require(path, clip, ("file", "pause"), f"clip {k}")
         file, pause = clip.get("file"), clip.get("pause", 0.0)
-        if not isinstance(file, str) or not isinstance(pause, int | float) or not 0 <= pause <= LONGEST:
-            raise ServoError(f"{path}: clip {k}: file is a trajectory, pause a time in 0…{LONGEST:g} s")
+        if not isinstance(file, str) or not isinstance(pause, int | float) or not 0 <= pause <= LONGEST_PAUSE:
+            raise ServoError(f"{path}: clip {k}: file is a trajectory, pause a time in 0…{LONGEST_PAUSE:g} s")
         files.append(folder / file)
         pauses.append(float(pause))
     return Playlist(tuple(files * repeat), tuple(pauses * repeat), None if idle is None else folder / idle)

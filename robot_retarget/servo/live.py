@@ -20,7 +20,7 @@ from robot_retarget.servo.plan import approach_time
 
 SILENCE = 0.5
 """Silence after which the next target is approached again [s]; the goal rests meanwhile."""
-LONGEST = 0.1
+LONGEST_BLEND = 0.1
 """Longest time over which two targets are interpolated [s]: that of the servos' watchdog, 0.1 s."""
 LOGGED = 60.0
 """Duration of the log, at the end of the stream [s]: 7,500 ticks at 125 Hz, 12 MB for 20 servos."""
@@ -36,7 +36,7 @@ class TargetStream:
         self._lock = Lock()
         self._from: Floats | None = None
         self._to = np.zeros(0)
-        self._given, self._span = 0.0, LONGEST
+        self._given, self._span = 0.0, LONGEST_BLEND
         self.present: Floats | None = None
         """(n,) of the joints as last read [rad]; None until the servos are engaged."""
         self.over: Event = Event()
@@ -51,7 +51,7 @@ class TargetStream:
         with self._lock:
             joined = self._from is not None and now - self._given <= SILENCE
             self._from = self._between(now) if joined else target
-            self._span = min(max(now - self._given, 1e-3), LONGEST)
+            self._span = min(max(now - self._given, 1e-3), LONGEST_BLEND)
             self._to, self._given = target, now
 
     def at(self, now: float) -> Floats | None:

@@ -26,7 +26,7 @@ from robot_retarget.servo.plan import ServoPlan, glide, goal_plan, plain_plan
 from robot_retarget.servo.watch import Balancer, FallGuard, open_sensor, require_sound
 from robot_retarget.trajectory import Trajectory
 
-FAR = 0.3
+LEAN_LIMIT = 0.3
 """A test lean that turns a joint by more than this is left out [rad]: four times the 0.07 of the standing OP3, measured. A leg
 that is almost straight would bend its knee by 71°."""
 
@@ -86,7 +86,7 @@ class PiecewisePlayback:
         if not (play.options.test_lean and test.possible):
             return
         far = np.ptp(test.goals, axis=0)
-        if far.max() > FAR:
+        if far.max() > LEAN_LIMIT:
             joint = play.map.joints[int(far.argmax())]
             turn = np.degrees(far.max())
             play.note_fault(f"no test lean: it would turn {joint} by {turn:.0f}°, as the legs are almost straight")

@@ -13,7 +13,7 @@ from typing import NamedTuple
 HEADER = b"\xff\xff\xfd\x00"
 BROADCAST = 0xFE
 LAST_ID = 252
-LONGEST = 4096
+LONGEST_FRAME = 4096
 """A frame that claims more bytes than this after its length field is noise."""
 
 CLEAR_MULTI_TURN = b"\x01\x44\x58\x4c\x22"
@@ -276,7 +276,7 @@ class Parser:
         buffer = self._buffer
         while self._align() and len(buffer) >= 7:
             end = 7 + (buffer[5] | buffer[6] << 8)
-            if not 10 <= end <= LONGEST or buffer[4] in (0xFD, 0xFF):
+            if not 10 <= end <= LONGEST_FRAME or buffer[4] in (0xFD, 0xFF):
                 del buffer[0]
             elif len(buffer) < end:
                 return

@@ -20,9 +20,9 @@ from robot_retarget.servo.link import Link
 from robot_retarget.servo.outcome import PHASES, PlaybackEnd, PlaybackOptions, PlaybackOutcome, Record
 from robot_retarget.servo.performance import Performance, perform
 
-RATE = 50.0
+RECORDED_RATE = 50.0
 """Poses a second [1/s]: that of ALOHA's data sets."""
-SMOOTH = 0.18
+FITTED = 0.18
 """Time over which cubics are fitted to the angles [s]: a swing of 0.5 rad at 1 Hz loses 0.0002 rad, measured, and the rounding of
 the encoder leaves an acceleration of 0.4 rad/s²; with half 1.5 rad/s² (3.8 without), with double the swing loses 0.003 rad."""
 
@@ -36,7 +36,7 @@ class HandTake:
     rate: float
     """Poses a second [1/s]."""
 
-    def smoothed(self, span: float = SMOOTH) -> "HandTake":
+    def smoothed(self, span: float = FITTED) -> "HandTake":
         """Return the take with each angle replaced by that of a cubic through the angles of `span` around it [s]."""
         from scipy.signal import savgol_filter
 
@@ -111,7 +111,7 @@ def record(
         return performance.run(take)
 
     how = options or PlaybackOptions(grace=0.0)
-    outcome, found = perform(servo_map, port, RATE, how, kept, log, say, act), _even(kept)
+    outcome, found = perform(servo_map, port, RECORDED_RATE, how, kept, log, say, act), _even(kept)
     if outcome.ended is PlaybackEnd.INTERRUPTED and outcome.reason.startswith("interrupted,") and len(found.angles):
         reason = outcome.reason.replace("interrupted", "ended by hand")
         outcome = replace(outcome, ended=PlaybackEnd.FINISHED, reason=reason)
@@ -124,7 +124,7 @@ def _take(performance: Performance, cycle: Cycle, limp: np.ndarray, countdown: i
     names = ", ".join(joint for joint, off in zip(link.map.joints, limp, strict=True) if off)
     for left in range(countdown, 0, -1):
         performance.say(f"{left}: support {names}" if left == countdown else str(left))
-        performance.run_ticks(cycle, lambda k: Step(goal, "hold", goal), lambda: RATE - 1)
+        performance.run_ticks(cycle, lambda k: Step(goal, "hold", goal), lambda: RECORDED_RATE - 1)
     link.limp = limp
     for k in np.flatnonzero(limp):
         servo = link.map.servos[k]
@@ -141,7 +141,7 @@ def _take(performance: Performance, cycle: Cycle, limp: np.ndarray, countdown: i
         ended.append(k)
         return True
 
-    last = np.inf if seconds is None else round(seconds * RATE)
+    last = np.inf if seconds is None else round(seconds * RECORDED_RATE)
     performance.run_ticks(cycle, step, lambda: float(last), stop)
 
 
@@ -161,12 +161,12 @@ def _even(kept: Record) -> HandTake:
     """Return the poses of a record at even times; a lost reading is interpolated."""
     playing: Ints = np.flatnonzero(kept.column("phase") == PHASES.index("play"))
     if playing.size < 2:
-        return HandTake(np.zeros((0, len(kept.joints))), RATE)
+        return HandTake(np.zeros((0, len(kept.joints))), RECORDED_RATE)
     times, present, age = (kept.column(name)[playing] for name in ("time", "present", "age"))
-    even = np.arange(times[0], times[-1] + 0.5 / RATE, 1 / RATE)
+    even = np.arange(times[0], times[-1] + 0.5 / RECORDED_RATE, 1 / RECORDED_RATE)
     fresh = [age[:, k] == 0 for k in range(len(kept.joints))]
     columns = [
         np.interp(even, times[on], present[on, k]) if on.any() else np.full(len(even), present[0, k])
         for k, on in enumerate(fresh)
     ]
-    return HandTake(np.stack(columns, axis=1), RATE)
+    return HandTake(np.stack(columns, axis=1), RECORDED_RATE)

@@ -81,7 +81,7 @@ def _require_display() -> None:
 
 SUPPORT = 0.3
 """Time with torque on and joints still after which the trunk is released [s]."""
-STILL = 0.01
+STILL_JOINT = 0.01
 """Largest movement of a joint that counts as still [rad]."""
 JAM = 100 * max(motor.stall_torque for motor in MOTORS.values())
 """Friction of a jammed joint [N m]."""
@@ -186,7 +186,7 @@ class Twin:
     def _wait(self, holding: bool) -> None:
         """Count for how long the joints have been still under torque."""
         here = self.data.qpos[self._qpos]
-        if holding and np.abs(here - self._place).max() < STILL:
+        if holding and np.abs(here - self._place).max() < STILL_JOINT:
             self._held_for += self.step
         else:
             self._held_for, self._place = 0.0, here.copy()

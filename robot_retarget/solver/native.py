@@ -24,7 +24,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
-from robot_retarget.base.cache import PATIENCE, PRIVATE, cache_folder, is_own, is_sound, keeping, private_cache
+from robot_retarget.base.cache import BUILD_PATIENCE, PRIVATE, cache_folder, is_own, is_sound, keeping, private_cache
 from robot_retarget.base.errors import OutputError
 from robot_retarget.base.files import replacing
 from robot_retarget.graph.track import Track
@@ -108,7 +108,7 @@ def _compile(function: ca.Function, compiler: str, library: Path) -> None:
 
 
 def _run(command: list[str], text: bytes) -> None:
-    """Run a compiler; end it and the processes that it started where it takes longer than `PATIENCE`, or this process ends.
+    """Run a compiler; end it and the processes that it started where it takes longer than `BUILD_PATIENCE`, or this process ends.
 
     Raises:
         SubprocessError: it fails, or takes longer.
@@ -118,7 +118,7 @@ def _run(command: list[str], text: bytes) -> None:
         end = partial(_end, running)
         atexit.register(end)
         try:
-            running.communicate(text, timeout=PATIENCE)
+            running.communicate(text, timeout=BUILD_PATIENCE)
         finally:
             end()
             atexit.unregister(end)

@@ -100,7 +100,7 @@ class Follower:
         self.stood: Placer = root_placer(graph.robot, match.anatomy, graph.robot.standing())
         self.targets: Targets | None = None
         self.latest: HumanFeatures | None = None
-        self._intervals: deque[float] = deque(maxlen=LEAST + 1)
+        self._intervals: deque[float] = deque(maxlen=LEAST_OBSERVED + 1)
 
     def begin(self, frame: StreamInput, standing: bool) -> StreamPose:
         """Return the first pose: the performer's, or the standing pose, which then eases into the motion."""
@@ -117,11 +117,11 @@ class Follower:
         return self._given(self._stepped(since), frame.time, since)
 
     def _warn_of_rate(self, since: float) -> None:
-        """Warn once where a lagging stream is fed at another rate than it was calibrated at, on the mean of `LEAST` frames."""
+        """Warn once where a lagging stream is fed at another rate than it was calibrated at, on the mean of `LEAST_OBSERVED` frames."""
         self._intervals.append(since)
-        if self.lag is None or len(self._intervals) != LEAST:
+        if self.lag is None or len(self._intervals) != LEAST_OBSERVED:
             return
-        fed, calibrated = LEAST / max(sum(self._intervals), SHORTEST), self.graph.motion.fps
+        fed, calibrated = LEAST_OBSERVED / max(sum(self._intervals), SHORTEST), self.graph.motion.fps
         if not 1 / ANOTHER_RATE < fed / calibrated < ANOTHER_RATE:
             warnings.warn(
                 f"frames come at {fed:.0f} a second, and the calibration has {calibrated:.0f}: with a lag of {self.lag.lag} frames "
@@ -162,7 +162,7 @@ class Follower:
 
 CALIBRATED = 1.0
 """Time for which an unknown performer is observed before the robot follows [s]."""
-LEAST = 12
+LEAST_OBSERVED = 12
 """Smallest number of frames for which a performer is observed: those of `CALIBRATED` at 12 frames a second."""
 ANOTHER_RATE = 1.5
 """Ratio of rates from which on a stream with a lag is worse: by 2° of limb direction at 2 (120 and 30 per second after 60)."""
@@ -283,7 +283,7 @@ class Stream:
             turns = None if rotations is None else np.array(rotations)
             self._watched.append((replace(frame, positions=np.array(positions), rotations=turns), bodies))
             first = self._watched[0][0].time
-            if time - first < CALIBRATED or len(self._watched) < LEAST:
+            if time - first < CALIBRATED or len(self._watched) < LEAST_OBSERVED:
                 return self._standing(time)
             watched, self._watched = self._watched_motion(), []  # where it shows no human, another second is watched
             self.performer = self._calibrated(watched)

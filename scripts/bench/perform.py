@@ -27,7 +27,7 @@ from robot_retarget.human.recognition import Recognition
 from robot_retarget.human.skeleton import backward
 from robot_retarget.live.bones import BONES, OPTIONAL, carriers
 from robot_retarget.live.messages import line_of, skeleton_line
-from robot_retarget.live.vmc import BONE, OK, PORT, ROOT, TIME
+from robot_retarget.live.vmc import BONE, OK, ROOT, TIME, VMC_PORT
 
 Packets = Callable[[int, float], list[bytes]]
 """Returns the packets of a frame, given its number and time stamp [s]."""
@@ -55,7 +55,7 @@ def sending(motion: Motion, target: str) -> tuple[Packets, tuple[str, int]]:
         raise UsageError(f"{target} needs a port")
     if motion.scene is not None and parts.scheme != "json":
         raise UsageError(f"{parts.scheme} carries no bodies; json:// does")
-    return PROTOCOLS[parts.scheme](motion), (parts.hostname, PORT if port is None else port)
+    return PROTOCOLS[parts.scheme](motion), (parts.hostname, VMC_PORT if port is None else port)
 
 
 def send(

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 import robot_retarget as rr
 from robot_retarget.base.errors import TrajectoryError
-from robot_retarget.edit.cuts import REST, coming_to_rest, placed_by_foot, ways_into_stand
+from robot_retarget.edit.cuts import TO_REST, coming_to_rest, placed_by_foot, ways_into_stand
 from robot_retarget.robot import recognise, world_points
 
 OP3 = rr.load_robot("op3")
@@ -18,9 +18,9 @@ def test_the_motion_slows_down_evenly_from_its_own_pace_to_rest(fps: float) -> N
     frames = coming_to_rest(40, 10, fps)
     np.testing.assert_allclose(frames[:11], np.arange(30, 41))
     steps = np.diff(frames[10:])
-    assert steps[0] == pytest.approx(1, abs=1 / (REST * fps)) and 0 < steps[-1] < 1.5 / (REST * fps)
+    assert steps[0] == pytest.approx(1, abs=1 / (TO_REST * fps)) and 0 < steps[-1] < 1.5 / (TO_REST * fps)
     np.testing.assert_allclose(np.diff(steps), np.diff(steps)[0], atol=1e-9)
-    assert frames[-1] == pytest.approx(40 + REST * fps / 2)
+    assert frames[-1] == pytest.approx(40 + TO_REST * fps / 2)
 
 
 def test_a_branch_is_placed_by_the_lower_foot() -> None:

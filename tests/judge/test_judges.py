@@ -12,7 +12,7 @@ from robot_retarget.judge.figures import at_frames
 from robot_retarget.judge.playback import roll_out
 from robot_retarget.judge.rollout import plant_of, simulate
 from robot_retarget.judge.servo_model import drives_of
-from robot_retarget.judge.worlds import DRAWN, NOMINAL, SPREAD, other_drives
+from robot_retarget.judge.worlds import DRAWN, DRAWN_SPREAD, NOMINAL, other_drives
 from robot_retarget.robot import load_robot
 
 OP3 = load_robot("op3")
@@ -35,7 +35,7 @@ def test_drawn_servos_are_within_the_spread_and_the_same_every_time() -> None:
     one, again = (other_drives(nominal)[DRAWN] for _ in range(2))
     for name in ("damping", "friction", "armature"):
         ratio = getattr(one, name) / getattr(nominal, name)
-        assert 1 / SPREAD <= ratio.min() < 0.9 and 1.1 < ratio.max() <= SPREAD
+        assert 1 / DRAWN_SPREAD <= ratio.min() < 0.9 and 1.1 < ratio.max() <= DRAWN_SPREAD
         np.testing.assert_array_equal(getattr(one, name), getattr(again, name))
 
 

@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 from small_graphs import graph_of, of_kind
 
-from robot_retarget.graph.track import FLOOR
+from robot_retarget.graph.track import LEAST_DISTANCE
 from robot_retarget.papers import (
     Interaction,
     Objective,
@@ -133,8 +133,8 @@ def test_coincident_pair_pulls_nowhere() -> None:
 def test_contact_distance_zero_has_a_finite_relative_stress() -> None:
     graph = graph_of("ab", "ab", 0.0)
     x = np.array([[0.0, 0.0], [0.01, 0.0]])
-    assert stress(graph, x, Objective.RELATIVE) == pytest.approx(0.01 / FLOOR)
-    assert stress(graph, x, Objective.RELATIVE_SQUARED) == pytest.approx((0.01 / FLOOR) ** 2)
+    assert stress(graph, x, Objective.RELATIVE) == pytest.approx(0.01 / LEAST_DISTANCE)
+    assert stress(graph, x, Objective.RELATIVE_SQUARED) == pytest.approx((0.01 / LEAST_DISTANCE) ** 2)
 
 
 def test_errors_are_negative_where_a_pair_is_too_close() -> None:

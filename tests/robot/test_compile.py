@@ -22,7 +22,7 @@ FACES = "f 1 2 4\nf 1 4 3\nf 5 8 6\nf 5 7 8\nf 1 6 2\nf 1 5 6\nf 3 4 8\nf 3 8 7\
 def model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A model of two files and a mesh; meshes of any size are kept."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr(source, "LEAST", 0)
+    monkeypatch.setattr(source, "KEPT_FROM", 0)
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts/block.obj").write_text(f"{BLOCK}\n{FACES}")
     (tmp_path / "assets.xml").write_text(ASSETS)
@@ -84,7 +84,7 @@ def test_the_oldest_models_make_room_for_the_newest(model: Path, monkeypatch: py
     load_robot(model)
     known = {file: file.stat().st_size for file in kept(model)}
     most = 1.5 * max(known.values())
-    monkeypatch.setattr(source, "MOST", most)
+    monkeypatch.setattr(source, "KEPT_BYTES", most)
     model.write_text(MODEL.replace("0 0 .3", "0 0 .4"))
     load_robot(model)
     left = kept(model)

@@ -13,14 +13,14 @@ from robot_retarget.base.files import SAMPLES
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import Robot, load_robot
-from robot_retarget.robot.distances import STILL, Separation
-from robot_retarget.robot.geoms import FLOOR, Placed, joined
+from robot_retarget.robot.distances import FLOOR_SHARE, Separation
+from robot_retarget.robot.geoms import FLOOR_GEOM, Placed, joined
 from robot_retarget.robot.kinematics import integrate
 from robot_retarget.robot.links import Links
 from robot_retarget.solver.pipeline import retarget
 
 REACH = 0.05
-NEAR = STILL * REACH
+NEAR = FLOOR_SHARE * REACH
 
 
 def fallen(robot: Robot, seed: int) -> np.ndarray:
@@ -86,7 +86,7 @@ def test_heights_over_the_floor_change_as_their_slopes_say(seed: int) -> None:
     def floor_rows(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         found, slope = separation.along(q[None])
         distance, geoms = found.distance, found.geoms
-        low = np.flatnonzero(geoms[:, 0] == FLOOR)
+        low = np.flatnonzero(geoms[:, 0] == FLOOR_GEOM)
         low = low[np.argsort(distance[low])]
         return distance[low], slope[low]
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from robot_retarget.actuators.map import Stop, load_map
 from robot_retarget.base.errors import ServoError
-from robot_retarget.servo.drafting import NUDGE, FoundServo, draft
+from robot_retarget.servo.drafting import SHIFT, FoundServo, draft
 from robot_retarget.servo.outcome import NOTICED, PlaybackEnd, PlaybackOptions, standstill
 from robot_retarget.servo.plan import ServoPlan
 from robot_retarget.servo.play import play
@@ -30,7 +30,7 @@ def test_a_person_who_sees_what_moved_gets_the_map_of_the_arm(tmp_path: Path) ->
             moved = emulator.servos()[one.id]
             servo = ARM[f"j{one.id}"]
             far = max(moved["highest_goal"] - servo.zero, servo.zero - moved["lowest_goal"])
-            assert far * 2 * np.pi / 4096 == pytest.approx(NUDGE, abs=0.01) and not moved["torque_enable"]
+            assert far * 2 * np.pi / 4096 == pytest.approx(SHIFT, abs=0.01) and not moved["torque_enable"]
             seen.append(one.id)
             way = 1 if moved["highest_goal"] - servo.zero > 50 else -1
             return "" if one.id == 4 else f"{servo.joint} {'+' if way * servo.sign > 0 else '-'}"

@@ -18,7 +18,7 @@ from robot_retarget.actuators.map import Limits
 from robot_retarget.base.arrays import Floats
 from robot_retarget.servo.cycle import Guard
 from robot_retarget.servo.link import JointScale
-from robot_retarget.servo.live import LONGEST, SILENCE, Approach, TargetFollower, TargetStream, follow
+from robot_retarget.servo.live import LONGEST_BLEND, SILENCE, Approach, TargetFollower, TargetStream, follow
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions, PlaybackOutcome
 
 RATE = 125.0
@@ -34,7 +34,7 @@ def test_wishes_are_joined_without_a_jump(given_: list[tuple[float, float]]) -> 
         targets.set_target(np.array([angle]), now)
         if before is not None:
             assert targets.at(now) == pytest.approx(before, abs=1e-12)
-        path.append(targets.at(now + LONGEST))
+        path.append(targets.at(now + LONGEST_BLEND))
         now += wait
     assert [float(p[0]) for p in path if p is not None] == pytest.approx([angle for _, angle in given_])
 

@@ -15,7 +15,7 @@ from robot_retarget.base.errors import ServoError
 from robot_retarget.robot import load_robot, recognise
 from robot_retarget.robot.anatomy import joints_by_limb
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions, PlaybackOutcome
-from robot_retarget.servo.recording import RATE, HandTake, limp_joints, record
+from robot_retarget.servo.recording import RECORDED_RATE, HandTake, limp_joints, record
 
 LOCKSTEP = PlaybackOptions(lockstep=True)
 STEP = 2 * np.pi / 4096
@@ -24,7 +24,7 @@ STEP = 2 * np.pi / 4096
 
 @pytest.fixture(scope="module")
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Emulated]:
-    with emulated(tmp_path_factory.mktemp("bus"), ARM, "--lockstep", f"{RATE:g}") as emulator:
+    with emulated(tmp_path_factory.mktemp("bus"), ARM, "--lockstep", f"{RECORDED_RATE:g}") as emulator:
         yield emulator
 
 
@@ -38,7 +38,7 @@ def emulator(running: Emulated) -> Emulated:
 
 def swing(k: int) -> float:
     """Where the hand has joint j2 at a pose [rad]: 0.5 rad at 1 Hz, from rest."""
-    return 0.25 * (1 - np.cos(2 * np.pi * k / RATE))
+    return 0.25 * (1 - np.cos(2 * np.pi * k / RECORDED_RATE))
 
 
 def turned(
@@ -50,10 +50,10 @@ def turned(
         if text.startswith("recording"):
             now = emulator.do("state")["time"]
             for k in range(poses):
-                emulator.do(f"after {now + (k + 0.5) / RATE} place 2 {ARM['j2'].ticks(swing(k))}")
+                emulator.do(f"after {now + (k + 0.5) / RECORDED_RATE} place 2 {ARM['j2'].ticks(swing(k))}")
             act()
 
-    end = None if poses > 80 else poses / RATE
+    end = None if poses > 80 else poses / RECORDED_RATE
     return record(ARM, emulator.port, ["j2"], end, countdown, LOCKSTEP, folder / "record.npz", say)
 
 

@@ -12,7 +12,13 @@ from robot_retarget.graph.describe import describe
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.distances import Separation
-from robot_retarget.robot.kinematics import TURN, SweptConfiguration, difference, integrate, swept_configurations
+from robot_retarget.robot.kinematics import (
+    CHECKED_TURN,
+    SweptConfiguration,
+    difference,
+    integrate,
+    swept_configurations,
+)
 from robot_retarget.solver.limits import Targets, targets_of
 from robot_retarget.solver.pipeline import retarget
 from robot_retarget.solver.problem import build_problem
@@ -52,7 +58,7 @@ def test_a_way_is_looked_at_evenly_and_no_hinge_turns_far_between_two_looks(aske
         after[robot.qpos_index] += draw.normal(scale=scale, size=len(robot.joint_names))
         looks = [before, *(way.at(robot, after) for way in swept_configurations(robot, before, after)), after]
         turned = np.abs(np.diff([q[robot.qpos_index] for q in looks], axis=0)).max(axis=1)
-        assert len(looks) > 2 and turned.max() <= TURN and np.allclose(turned, turned[0])
+        assert len(looks) > 2 and turned.max() <= CHECKED_TURN and np.allclose(turned, turned[0])
 
 
 def test_rows_between_frames_tell_what_a_step_of_the_frame_does_there(asked: Asked) -> None:

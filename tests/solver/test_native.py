@@ -294,7 +294,7 @@ def test_a_compiler_that_takes_too_long_is_ended_with_what_it_started(
     slow.chmod(0o755)
     monkeypatch.setenv("CC", str(slow))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(native, "PATIENCE", 0.5)
+    monkeypatch.setattr(native, "BUILD_PATIENCE", 0.5)
     x = ca.SX.sym("x")
     assert native.library_of(ca.Function("f", [x], [2 * x])) is None
     started = int((tmp_path / "child").read_text())

@@ -7,7 +7,7 @@ from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import describe
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot
-from robot_retarget.robot.distances import LEAST, in_parts
+from robot_retarget.robot.distances import LEAST_ROWS, in_parts
 from robot_retarget.solver.options import SolveOptions
 from robot_retarget.solver.pipeline import solve
 
@@ -19,7 +19,9 @@ def test_threads_change_no_bit_of_a_clip() -> None:
         np.testing.assert_array_equal(alone, qpos)
 
 
-@pytest.mark.parametrize(("count", "threads"), [(0, 2), (1, 2), (LEAST, 3), (5 * LEAST, 2), (5 * LEAST + 1, 4)])
+@pytest.mark.parametrize(
+    ("count", "threads"), [(0, 2), (1, 2), (LEAST_ROWS, 3), (5 * LEAST_ROWS, 2), (5 * LEAST_ROWS + 1, 4)]
+)
 def test_parts_cover_every_row_once_in_order(count: int, threads: int) -> None:
     rows = in_parts(lambda _, part: list(range(count)[part]), count, threads)
     assert [row for part in rows for row in part] == list(range(count))
@@ -27,5 +29,5 @@ def test_parts_cover_every_row_once_in_order(count: int, threads: int) -> None:
 
 
 def test_no_two_parts_share_a_number() -> None:
-    numbers = in_parts(lambda number, _: number, 100 * LEAST, 4)
+    numbers = in_parts(lambda number, _: number, 100 * LEAST_ROWS, 4)
     assert numbers == [0, 1, 2, 3]

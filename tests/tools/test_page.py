@@ -21,7 +21,7 @@ from robot_retarget.judge.verdict import Thresholds
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.contacts import replay_contacts
 from robot_retarget.tools.view.charts import MEASURED, PLAIN, WANTED
-from robot_retarget.tools.view.film import LOOP_FPS, MOST, AnimatedWebP, loop
+from robot_retarget.tools.view.film import LOOP_FPS, MOST_PICTURES, AnimatedWebP, loop
 from robot_retarget.tools.view.page import save_page
 from robot_retarget.tools.view.picture import Picture, Unavailable
 from robot_retarget.trajectory import Trajectory, fingerprint
@@ -152,9 +152,9 @@ def test_the_film_is_in_the_head_and_plays_the_whole_motion_again_and_again(page
 
 def test_a_longer_motion_is_shown_faster_in_as_many_pictures() -> None:
     film = loop(OP3, hold(OP3, 30.0))
-    assert isinstance(film, AnimatedWebP) and film.pace == pytest.approx(30.0 * LOOP_FPS / MOST, rel=0.01)
+    assert isinstance(film, AnimatedWebP) and film.pace == pytest.approx(30.0 * LOOP_FPS / MOST_PICTURES, rel=0.01)
     with Image.open(io.BytesIO(film.data)) as pictures:
-        assert getattr(pictures, "n_frames", 1) <= MOST  # equal pictures become one
+        assert getattr(pictures, "n_frames", 1) <= MOST_PICTURES  # equal pictures become one
 
 
 def test_a_film_that_cannot_be_drawn_is_replaced_by_a_sentence(tmp_path: Path) -> None:

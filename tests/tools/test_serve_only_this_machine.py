@@ -21,7 +21,7 @@ from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot
 from robot_retarget.tools.view.web import serve as web
 from robot_retarget.tools.view.web.editor import TakeEditor, serve_viewer
-from robot_retarget.tools.view.web.serve import LONGEST, Served
+from robot_retarget.tools.view.web.serve import LARGEST_MESSAGE, Served
 from robot_retarget.tools.view.web.take import Take
 from robot_retarget.tools.view.web.viewer import Viewer
 
@@ -160,7 +160,7 @@ def test_other_pages_are_refused(served: Served, lines: list[str], request_line:
     assert status(served, request_line, *lines, "Content-Type: application/json", "Content-Length: 2") in (400, 403)
 
 
-@pytest.mark.parametrize("length", ["-1", "x", "1e3", "٣", str(LONGEST + 1), "9" * 30])
+@pytest.mark.parametrize("length", ["-1", "x", "1e3", "٣", str(LARGEST_MESSAGE + 1), "9" * 30])
 def test_a_length_that_is_none_or_too_long_is_refused_unread(served: Served, length: str) -> None:
     head = "Host: localhost", "Content-Type: application/json", f"Content-Length: {length}"
     assert status(served, "POST /save", *head) in (400, 413)

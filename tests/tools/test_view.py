@@ -15,7 +15,7 @@ from robot_retarget.human.match import match_bodies
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot, recognise
 from robot_retarget.tools.view.draw import Sketch
-from robot_retarget.tools.view.film import GAP, Film, strip, video
+from robot_retarget.tools.view.film import STRIP_GAP, Film, strip, video
 from robot_retarget.tools.view.picture import Picture, Unavailable
 from robot_retarget.tools.view.render import TILE, open_context, open_stage
 from robot_retarget.tools.view.staging import FIGURE, arrange, geom_corners, height_of, stick_figure, visible
@@ -130,7 +130,7 @@ def test_a_robot_without_geoms_or_with_those_of_its_feet_alone_is_shown_by_its_l
         monkeypatch.setenv("MUJOCO_GL", opengl)
         shown = strip(robot, moving, count=2, height=160)
         assert isinstance(shown, Picture)
-        width = (shown.pixels.shape[1] - GAP) // 2
+        width = (shown.pixels.shape[1] - STRIP_GAP) // 2
         one, other = shown.pixels[20:, :width].astype(int), shown.pixels[20:, -width:].astype(int)  # below the labels
         assert (np.abs(one - other).max(axis=2) > 25).mean() > 0.005  # the links move with the joints
 

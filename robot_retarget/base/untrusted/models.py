@@ -15,7 +15,7 @@ BYTES = 64 << 20
 """Largest model file without its meshes [bytes]."""
 KNOWN = "models.txt"
 """The file of the cache with the hashes of models that were compiled."""
-MOST = 1000
+KEPT_HASHES = 1000
 """Number of hashes that are kept."""
 
 
@@ -51,7 +51,7 @@ def require_bounded_model(path: Path, reader: Path | None = None) -> None:
         most = f"more than {models_child.MEMORY >> 20} MB, {models_child.SECONDS} s or MuJoCo's stack"
         raise RobotError(f"{path}: the model asks for too much: {said if code == child.TOO_MUCH and said else most}")
     if key:
-        _keep([*known, key][-MOST:])
+        _keep([*known, key][-KEPT_HASHES:])
 
 
 def _key(path: Path, reader: Path | None) -> str:

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import FileError
 
-UNIT = 1e-3
+UNIT_NORM = 1e-3
 """Largest deviation of the norm of a unit quaternion from one [-]: single precision strays by 1e-7, the mean of frames 10° apart by 1e-3."""
 LENGTHS = (0.5, 2.0)
 """A quaternion of another length is no rotation [-]: those of resampled motions are up to a fifth short of 1."""

@@ -9,7 +9,7 @@ import numpy as np
 from robot_retarget.base.arrays import Floats, Ints, unit
 from robot_retarget.graph.kind import (
     AXES,
-    SHORTEST,
+    NO_LENGTH,
     FrameEdges,
     GroundedPhase,
     Kind,
@@ -130,7 +130,7 @@ class CompassKind(Kind):
         match, w = context.match, context.weights
         for k, keypoint in enumerate(match.keypoints):
             weight = w.bones.get(keypoint.split("_")[-1], 0.0)
-            if match.parents[k] >= 0 and weight and match.robot_bones[k] > SHORTEST:
+            if match.parents[k] >= 0 and weight and match.robot_bones[k] > NO_LENGTH:
                 yield keypoint, match.keypoints[int(match.parents[k])], weight
         for part, weight in (("hip", w.hips), ("shoulder", w.shoulders)):
             if {f"l_{part}", f"r_{part}"} <= set(match.keypoints) and weight:

@@ -10,7 +10,7 @@ from robot_retarget.base.arrays import Floats, Ints, lengths
 from robot_retarget.contact.touch import OTHER, gradual, touch_reach, touch_strength
 from robot_retarget.graph.kind import (
     AXES,
-    SHORTEST,
+    NO_LENGTH,
     FrameEdges,
     FrameTargets,
     Kind,
@@ -71,7 +71,7 @@ class PostureKind(Kind):
         i, j = np.triu_indices(len(match.keypoints), 1)
         tau = path_weights(match.parents, match.robot_bones)[i, j]
         bone = (match.parents[j] == i) | (match.parents[i] == j)
-        keep = (tau > SHORTEST) & ~bone
+        keep = (tau > NO_LENGTH) & ~bone
         i, j, tau = i[keep], j[keep], tau[keep]
         ends = [(match.keypoints[a], match.keypoints[b]) for a, b in zip(i, j, strict=True)]
         share = len(match.keypoints) / max(len(i), 1)
@@ -193,7 +193,7 @@ class TouchKind(Kind):
             return None
         i, j = np.array(pairs).T
         ends = [(match.keypoints[b], match.keypoints[a]) for a, b in pairs]
-        tau = np.maximum(path_weights(match.parents, match.robot_bones)[i, j], SHORTEST)
+        tau = np.maximum(path_weights(match.parents, match.robot_bones)[i, j], NO_LENGTH)
         reach = np.array([touch_reach(*pair, self.other) for pair in ends])
         path = match.human_paths[i, j]
         return _Touches(ends=ends, scale=tau, i=i, j=j, path=path, reach=reach)

@@ -180,7 +180,7 @@ class _Parser:
 
 # AMC files: the angles of the bones of an ASF skeleton, frame by frame (the format of the CMU library).
 
-FPS = 120.0
+CMU_FPS = 120.0
 """Of the CMU library, where no gait tells the rate; an AMC says none [1/s]."""
 
 
@@ -205,7 +205,7 @@ def read(path: Path, request: Request) -> Capture:
         translations[:, joint] += _moved(bone, values[bone.name])
         turns[:, joint] = _turned(bone, values[bone.name], asf.degrees)
     positions, rotations = forward(skeleton.parents, translations, turns)
-    fps, notes = request.rate(usual=FPS)
+    fps, notes = request.rate(usual=CMU_FPS)
     capture = Capture(skeleton, positions, rotations, fps, str(path), (f"The skeleton is that of {asf_file.name}.",))
     walked = rate_from_gait(capture) if request.fps is None else None
     fps, notes = (walked[0], (walked[1],)) if walked else (fps, notes)

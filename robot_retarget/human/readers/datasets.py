@@ -100,7 +100,7 @@ HUMANML3D_WIDTH = 263
 HUMANML3D_FPS = 20.0
 """Of the data set [1/s], as its library states."""
 _SIX = slice(67, 193)
-_UNIT = 0.2
+_UNIT_TURN = 0.2
 """How far from 1 the length of the axes in columns 67–192 may be, on the mean; normalised features are further."""
 
 
@@ -123,7 +123,7 @@ def read_humanml3d(path: Path, request: Request) -> Capture:
         frame, column = np.argwhere(~np.isfinite(features))[0]
         raise MotionError(f"frame {frame}, column {column} is not finite", path)
     axes = np.linalg.norm(features[:, _SIX].reshape(-1, 3), axis=1)
-    if abs(float(axes.mean()) - 1) > _UNIT:
+    if abs(float(axes.mean()) - 1) > _UNIT_TURN:
         raise MotionError("the features are normalised: multiply by the data set's Std.npy and add its Mean.npy", path)
     fps, rate_notes = request.rate(usual=HUMANML3D_FPS)
     joints = humanml3d_positions(features)

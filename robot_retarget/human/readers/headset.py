@@ -68,7 +68,7 @@ SCHEMA = "core.FullBodyPoseRecord"
 JOINT = np.dtype([("pose", "<f4", 7), ("tracked", "u1"), ("padding", "u1", 3)])
 FIRST = 4
 """Offset of the first field in a table of offsets [bytes]; a field of `data` and `joints` alike."""
-NANO = 1e-9
+NANOSECOND = 1e-9
 """A nanosecond, the unit of the log [s]."""
 PAUSED = 4.0
 """Most frames of a clip for each of its records [-]: a pause of three quarters of a session (1 − 1/4) is cut, not
@@ -93,7 +93,7 @@ def read(path: Path, request: Request) -> Capture:
             rows = joints_of(content)
             held = None if rows is None else body.step(rows["pose"].astype(float), rows["tracked"] != 0)
             if held is not None and rows is not None:
-                bodies.append((message.log_time * NANO, *held, rows["tracked"] == 0))
+                bodies.append((message.log_time * NANOSECOND, *held, rows["tracked"] == 0))
     if len(bodies) < 2:
         listed = ", ".join(sorted(topics)) or "nothing"
         raise MotionError(f"needs two records {SCHEMA} or more with a tracked pelvis; it holds {listed}", path)

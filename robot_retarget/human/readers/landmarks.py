@@ -165,7 +165,7 @@ _JOINTS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ),
 )
 USED = tuple(sorted({mark for *_, marks in _JOINTS for mark in marks}, key=LANDMARKS.index))
-_STILL = 1e-3
+_STILL_MARK = 1e-3
 """Travel of the middle of the hips, over the body's size, in landmarks relative to it, which have it at the origin but
 for the rounding of their decimals."""
 _IMAGE = 1.5
@@ -218,6 +218,6 @@ def _points(path: Path) -> tuple[Floats, float | None]:
 
 def _travel(pelvis: Floats, paths: Floats) -> tuple[str, ...]:
     size = float(np.linalg.norm(np.ptp(paths[0], axis=0)))
-    if float(np.ptp(pelvis, axis=0).max()) > _STILL * size:
+    if float(np.ptp(pelvis, axis=0).max()) > _STILL_MARK * size:
         return ()
     return ("The landmarks are relative to the middle of the hips: the body does not travel.",)

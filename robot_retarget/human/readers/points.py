@@ -12,7 +12,7 @@ from robot_retarget.base.errors import MotionError
 from robot_retarget.human.capture import Capture, Request
 from robot_retarget.human.readers.regressions import SETS, Markers, joint_centres
 from robot_retarget.human.skeleton import Skeleton
-from robot_retarget.scene.poses import GAP
+from robot_retarget.scene.poses import LONGEST_GAP
 
 
 def bridged(points: Floats, names: Sequence[str], fps: float, source: str) -> tuple[Floats, slice, tuple[str, ...]]:
@@ -22,7 +22,7 @@ def bridged(points: Floats, names: Sequence[str], fps: float, source: str) -> tu
         the points, their frames in the file, and notes about the repairs.
 
     Raises:
-        MotionError: a point is never there, or away for longer than `GAP`; names it and the frames.
+        MotionError: a point is never there, or away for longer than `LONGEST_GAP`; names it and the frames.
     """
     there: Bools = np.asarray(np.isfinite(points).all(axis=2))
     never = [name for name, seen in zip(names, there.T, strict=True) if not seen.any()]
@@ -51,11 +51,11 @@ def _fill(path: Floats, seen: Bools, name: str, fps: float, first: int, source: 
 
 
 def _require_short(known: Ints, name: str, fps: float, first: int, source: str) -> None:
-    """Raise MotionError where a point is away for longer than `GAP` between frames in which it is known (N,)."""
+    """Raise MotionError where a point is away for longer than `LONGEST_GAP` between frames in which it is known (N,)."""
     widest = int(np.diff(known).argmax()) if known.size > 1 else 0
-    if known.size > 1 and (known[widest + 1] - known[widest] - 1) / fps > GAP:
+    if known.size > 1 and (known[widest + 1] - known[widest] - 1) / fps > LONGEST_GAP:
         gap = f"{first + known[widest] + 1} to {first + known[widest + 1] - 1}"
-        raise MotionError(f"{name!r} is lost in frames {gap}, longer than {GAP} s", source)
+        raise MotionError(f"{name!r} is lost in frames {gap}, longer than {LONGEST_GAP} s", source)
 
 
 def bridged_turns(
@@ -67,7 +67,7 @@ def bridged_turns(
         first: number of the first frame in the file.
 
     Raises:
-        MotionError: a rotation is never there, or away for longer than `GAP`; names it and the frames.
+        MotionError: a rotation is never there, or away for longer than `LONGEST_GAP`; names it and the frames.
     """
     seen = np.asarray(np.isfinite(turns).all(axis=2))
     if seen.all():

@@ -110,7 +110,7 @@ def sentence(content: Any) -> str:
 # `track_id`; frames without the person are gaps.
 
 POINTS, CAMERA, TRACK = "pred_keypoints_3d", "pred_cam_t", "track_id"
-COUNT = 70
+RIG_KEYPOINTS = 70
 """Keypoints of the rig."""
 _AT = {
     "LSHOULDER": (5,), "RSHOULDER": (6,), "LELBOW": (7,), "RELBOW": (8,), "LHIP": (9,), "RHIP": (10,), "LKNEE": (11,),
@@ -166,9 +166,9 @@ def _arrays(content: Mapping[str, Any], path: Path) -> dict[str, Floats]:
     points = points[:, None] if points.ndim == 3 else points
     camera = np.asarray(content.get(CAMERA, np.zeros(3)), dtype=float)
     camera = camera[:, None] if camera.ndim == 2 else camera
-    if points.ndim != 4 or points.shape[2:] != (COUNT, 3) or camera.shape not in ((3,), (*points.shape[:2], 3)):
+    if points.ndim != 4 or points.shape[2:] != (RIG_KEYPOINTS, 3) or camera.shape not in ((3,), (*points.shape[:2], 3)):
         shapes = f"{points.shape} and {camera.shape}"
-        raise MotionError(f"{POINTS}, {CAMERA}: expected (T, {COUNT}, 3) and (T, 3), got {shapes}", path)
+        raise MotionError(f"{POINTS}, {CAMERA}: expected (T, {RIG_KEYPOINTS}, 3) and (T, 3), got {shapes}", path)
     placed = points + camera[..., None, :]
     return {str(k): placed[:, k] for k in range(points.shape[1])}
 
@@ -178,10 +178,10 @@ def _tracks(frames: Sequence[Any], path: Path) -> dict[str, Floats]:
     for t, frame in enumerate(frames):
         for k, person in enumerate(_persons(frame)):
             place = np.asarray(person[POINTS], dtype=float).reshape(-1, 3)
-            if len(place) != COUNT:
-                raise MotionError(f"frame {t}: expected {COUNT} keypoints, got {len(place)}", path)
+            if len(place) != RIG_KEYPOINTS:
+                raise MotionError(f"frame {t}: expected {RIG_KEYPOINTS} keypoints, got {len(place)}", path)
             name = str(person.get(TRACK, k))
-            path_of = people.setdefault(name, np.full((len(frames), COUNT, 3), np.nan))
+            path_of = people.setdefault(name, np.full((len(frames), RIG_KEYPOINTS, 3), np.nan))
             path_of[t] = place + np.asarray(person.get(CAMERA, np.zeros(3)), dtype=float).reshape(3)
     return people
 

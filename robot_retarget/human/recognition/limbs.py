@@ -79,7 +79,7 @@ _RATIO = {"arm": 1.17, "leg": 1.0}
 """Upper over lower bone: the medians of 14 exporters (0.9 to 1.5 and 0.8 to 1.4)."""
 _ARM_TO_LEG = 0.61
 """Shoulder to wrist over hip to ankle: the median of the same 14 (0.47 to 0.68)."""
-_LONGEST = 32
+_LONGEST_CHAIN = 32
 """Joints of a chain that can be a limb, with the spine before it and a finger behind it; longer chains are ropes or
 hair. Half and double recognise the same joints in 21 clips."""
 _REACHING = 1.5
@@ -95,7 +95,7 @@ them."""
 UNDER = 0.8
 """An end site less than this off the line of the shin is under the ankle, no toe [rad]: 0.02 to 0.43 in two exporters, 1.2 to 1.6 in
 those whose end sites are toes."""
-SHORT = 0.2
+SHORT_CHAIN = 0.2
 """Chains shorter than this share of a limb are no limb, no head on a trunk, and no hand below a wrist [-]: half and
 double recognise the same joints in 21 clips."""
 _BOTH = 4.0
@@ -273,7 +273,7 @@ def _stump(body: PosedSkeleton, pair: LimbPair, other: LimbPair) -> bool:
     """A third branch at the pair's hub, shorter than its limbs and not on the way to the other pair: a head."""
     way = set(body.skeleton.above(other.hub))
     return any(
-        child not in pair.chains and child not in way and SHORT * pair.length < body.branch(child)
+        child not in pair.chains and child not in way and SHORT_CHAIN * pair.length < body.branch(child)
         for child in body.children[pair.hub]
     )
 
@@ -281,12 +281,12 @@ def _stump(body: PosedSkeleton, pair: LimbPair, other: LimbPair) -> bool:
 def _pairs(body: PosedSkeleton, kind: str) -> list[LimbPair]:
     """Candidates for the legs or the arms, the best ones first."""
     pairs = []
-    long = SHORT * _second_longest(body)
+    long = SHORT_CHAIN * _second_longest(body)
     for hub, children in enumerate(body.children):
         branches = [child for child in children if body.branch(child) > long]
         for left, right in combinations(branches, 2):
             chains = body.chain(left), body.chain(right)
-            if max(map(len, chains)) > _LONGEST:
+            if max(map(len, chains)) > _LONGEST_CHAIN:
                 continue
             one, two = _fit(body, chains[0], chains[1], kind), _fit(body, chains[1], chains[0], kind)
             if one is not None and two is not None:
@@ -362,7 +362,7 @@ class _Sizes:
             _REACHING * min(0.0, np.log((upper + lower) / self.total))
             - 4 * (self.bulges[a, b] + self.bulges[b, c])
             - 20 * (self.spread[a, b] / upper + self.spread[b, c] / lower)
-            - max(0.0, 1 - self.below[c] / (SHORT * lower))
+            - max(0.0, 1 - self.below[c] / (SHORT_CHAIN * lower))
             - 4 * (self.beside[a] < SAME * (upper + lower))
             + max(-0.5 * (np.log(upper / lower / _RATIO[kind]) / _SPREAD) ** 2, _ODD + 2.0 * max(agreement, 0.0))
         )

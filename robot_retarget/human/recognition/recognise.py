@@ -22,7 +22,7 @@ from robot_retarget.human.skeleton import Skeleton
 
 HEAD_ABOVE_SHOULDERS = 0.2
 """Height of the head joint over the shoulders, in leg lengths (0.16 … 0.21 on the rigs measured; the crown: 0.35)."""
-LEVEL = 0.1
+SPINE_LEVEL = 0.1
 """Joints of the spine that differ by no more in height are level with each other, and so are joints and shoulders [leg
 lengths]. Half recognises 13 exporters alike, double errs in one."""
 
@@ -80,9 +80,9 @@ def _chest(body: PosedSkeleton, legs: LimbPair, arms: LimbPair, height: np.ndarr
     spine = list(body.skeleton.above(arms.hub))
     for joint, below in zip(spine, [*spine[1:], legs.hub], strict=True):
         parts = body.evidence[joint].parts
-        lone = "spine" in parts and height[joint] - height[below] > LEVEL
-        neck = "neck" in parts or height[joint] > (LEVEL if lone else 0.0)
-        if not neck and height[joint] > hips + LEVEL:
+        lone = "spine" in parts and height[joint] - height[below] > SPINE_LEVEL
+        neck = "neck" in parts or height[joint] > (SPINE_LEVEL if lone else 0.0)
+        if not neck and height[joint] > hips + SPINE_LEVEL:
             return joint
         if joint == legs.hub:
             break
@@ -102,7 +102,7 @@ def _heads(
             continue
         aside = abs(body.distance(joint, shoulders[0]) - body.distance(joint, shoulders[1])) / legs.length
         score = (
-            -0.5 * ((height[joint] - HEAD_ABOVE_SHOULDERS) / LEVEL) ** 2
+            -0.5 * ((height[joint] - HEAD_ABOVE_SHOULDERS) / SPINE_LEVEL) ** 2
             - 10 * aside
             + 3 * body.evidence[joint].agreement("head")
             - 3 * body.evidence[joint].tip
@@ -120,7 +120,7 @@ def _heads(
 # Left = up × forward. Up runs from the hips to the shoulders; forward is where the feet point and the knees bend to, and
 # away from where the elbows bend to.
 
-SURE = 0.3
+OVERRULES = 0.3
 """Certainty from which geometry overrules names. Half and double recognise clips of 13 exporters alike."""
 HEEL = 0.08
 """What feet must say against names and knees to be heels, and these against them [leg lengths]: two heels 3 cm behind."""
@@ -236,7 +236,7 @@ _WORD = {"chest": "spine"}
 
 SILENT = 0.65
 """Confidence in a joint whose name is silent and that no other rivals. Half and double recognise clips of 13 exporters alike."""
-LEAD = 4.0
+ODDS = 4.0
 """Of two rivals the better one is right with the odds e^(LEAD · lead): even ones as often as not, by a lead of 0.5 7 in 8 times."""
 
 
@@ -349,7 +349,7 @@ def _sided(body: PosedSkeleton, legs: LimbPair, arms: LimbPair) -> "_Sided":
     seen, named = votes(body, legs, arms), named_leftness(body, legs)
     heels = seen.feet * named < -HEEL and (seen.knees + seen.elbows) * named > HEEL
     shown = seen.leftness(feet=not heels)
-    decided = shown if abs(shown) > SURE or not named else named
+    decided = shown if abs(shown) > OVERRULES or not named else named
     certainty = 1.0 if shown * named > 0 else max(abs(shown), 0.5)
     notes: list[str] = []
     if shown * named < 0 and decided == named:
@@ -419,14 +419,14 @@ def _mark(body: PosedSkeleton, part: str, joint: int, why: str, certainty: float
     """
     agreement = body.evidence[joint].agreement(_WORD.get(part, part))
     says = "the name agrees" if agreement > 0 else "the name says otherwise" if agreement < 0 else "the name is silent"
-    alone = SILENT / (1 + np.exp(-LEAD * lead))
+    alone = SILENT / (1 + np.exp(-ODDS * lead))
     sure = 1 - (1 - agreement) * (1 - alone) if agreement > 0 else alone * (1 + agreement)
     return Mark((joint,), round(float(certainty * sure), 3), f"{body.skeleton.names[joint]!r}: {why}; {says}")
 
 
 # The stature of a recognised body, in the unit of its positions.
 
-LEG = 0.83
+ADULT_LEG = 0.83
 """Hip to ankle of an adult of 1.70 m [m]."""
 _HIP_TO_ANKLE = 0.491
 _ANKLE_TO_HEAD = 0.86

@@ -55,7 +55,7 @@ class WireTiming:
         return self.free + self.usb_latency
 
 
-SILENCE = 0.01
+FRAME_SILENCE = 0.01
 """The rest of a frame that has not come after this is not coming [s]: 57 bytes at the 57,600 baud of a new servo."""
 TICK = 0.01
 """Longest interval between two updates of the world [s]."""
@@ -201,7 +201,7 @@ class Server:
         if self.terminal is not None:
             if self.terminal.master in ready:
                 self._listen(self.terminal, now)
-            elif self._parser.pending and now - self._heard > SILENCE:
+            elif self._parser.pending and now - self._heard > FRAME_SILENCE:
                 self._answer(self._parser.give_up(), now)
             self._send(self.terminal)
         if sys.stdin in ready:

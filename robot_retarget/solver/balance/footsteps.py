@@ -221,7 +221,7 @@ def ahead(corners: Floats) -> Floats:
 
 # The paths of soles: from foothold to foothold, around the standing foot.
 
-APART = 8
+APART_ROUNDS = 8
 """Rounds of moving footholds apart: a step to the side may reduce the next gap. Half and double change nothing in the sample walk."""
 
 
@@ -290,7 +290,7 @@ def _envelope(heights: Floats) -> Floats:
 def _set_apart(places: Floats, planted: np.ndarray, gap: float) -> Floats:
     """Return places with simultaneous footholds moved to either side until the gap is between them."""
     apart, both = places.copy(), planted.all(axis=1)
-    for _ in range(APART):
+    for _ in range(APART_ROUNDS):
         missing = np.where(both, np.maximum(gap - gaps(apart), 0.0), 0.0)
         aside = left(apart)
         for foot, side in ((0, 0.5), (1, -0.5)):

@@ -18,7 +18,7 @@ import robot_retarget
 from robot_retarget.base.errors import UsageError, install_line
 from robot_retarget.tools.batch.task import CRASHED, MEMORY, TIMEOUT, Allowance, Task, TaskResult, perform
 
-POLL = 0.1
+LIMIT_POLL = 0.1
 """Limits are looked at this often [s]."""
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 GIB = 2**30
@@ -45,7 +45,7 @@ def run_local(tasks: Sequence[Task], allowance: Allowance, report: Report, stopp
             for worker in workers:
                 if worker.task is None and waiting and not stopped:
                     worker.begin(waiting.popleft())
-            wait([worker.pipe for worker in workers if worker.task], POLL)
+            wait([worker.pipe for worker in workers if worker.task], LIMIT_POLL)
             for worker in [worker for worker in workers if worker.task]:
                 task, outcome = worker.task, worker.outcome(allowance)
                 if outcome is None or task is None:
@@ -186,7 +186,7 @@ def _drive(
         while waiting and len(flying) < processors and not stopped:
             task = waiting.popleft()
             flying[remote.remote(task)] = task, time.monotonic()
-        ready, _ = ray.wait([*flying], timeout=POLL, fetch_local=True)
+        ready, _ = ray.wait([*flying], timeout=LIMIT_POLL, fetch_local=True)
         for reference in ready:
             report(_outcome(ray, reference, flying.pop(reference)[0]))
         for reference, (task, began) in [*flying.items()]:

@@ -246,7 +246,7 @@ def record(how: RecordOptions, printing: opt.PrintOptions) -> None:
     from robot_retarget.base.files import require_writable
     from robot_retarget.robot import recognise
     from robot_retarget.robot.anatomy import joints_by_limb
-    from robot_retarget.servo.recording import SMOOTH, limp_joints
+    from robot_retarget.servo.recording import FITTED, limp_joints
     from robot_retarget.servo.recording import record as perform
 
     servo_map = how.load()
@@ -257,7 +257,7 @@ def record(how: RecordOptions, printing: opt.PrintOptions) -> None:
         require_writable(path)
     say = (lambda text: None) if printing.json else console.say
     take, outcome = perform(servo_map, how.port, limp, how.seconds, how.countdown, None, how.log, say)
-    span = SMOOTH if how.smooth is None else how.smooth
+    span = FITTED if how.smooth is None else how.smooth
     facts = {"ended": outcome.ended.name.lower(), "state": outcome.state, "reason": outcome.reason}
     lines = [outcome.sentence]
     if len(take.angles) > 1:

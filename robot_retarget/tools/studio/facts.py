@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 AT_END = 0.99
 """A joint beyond this share of the way from the middle of its range to an end is at its limit [-]: by definition a hundredth is left."""
-MOST = 40
+MOST_MARKS = 40
 """Marks of a kind on the timeline [-]: more than that are no places to go to."""
 
 
@@ -70,8 +70,8 @@ def marks_of(project: "Project", take: Take) -> list[dict[str, Any]]:
     trajectory, robot, fps = take.trajectory, take.robot, take.trajectory.fps
     found = list[tuple[str, int, int, str]]()
     if take.solution is not None:
-        found += [("edge missed", min(e.frames), max(e.frames), e.sentence) for e in take.solution.unmet[:MOST]]
-        for joint, frame, step in take.solution.jumps()[:MOST]:
+        found += [("edge missed", min(e.frames), max(e.frames), e.sentence) for e in take.solution.unmet[:MOST_MARKS]]
+        for joint, frame, step in take.solution.jumps()[:MOST_MARKS]:
             found.append(("jump", frame, frame, f"{joint} turns by {np.degrees(step):+.0f}° in a frame"))
         for e in take.solution.costliest(3):
             said = f"{e.name}: {100 * e.measured:.1f} cm, target {100 * e.target:.1f} cm"
@@ -80,7 +80,7 @@ def marks_of(project: "Project", take: Take) -> list[dict[str, Any]]:
     at_end = np.abs(trajectory.angles - middle) > AT_END * half
     spans = [(robot.joint_names[k], *span) for k in range(at_end.shape[1]) for span in intervals(at_end[:, k])]
     spans.sort(key=lambda span: span[1] - span[2])
-    for name, first, stop in spans[:MOST]:
+    for name, first, stop in spans[:MOST_MARKS]:
         found.append(("joint limit", first, stop - 1, f"{name} is at the end of its range"))
     for event in take.warnings.events if take.warnings else ():
         if event.contact is not None:

@@ -48,11 +48,11 @@ LETTERS = 40
 """Longest line of a name beside a chart [letters]: about half of its width."""
 LINE = 0.19
 """Height of a name [inches]."""
-JOINTS = 6
+CURVES = 6
 """Number of joints with curves, the worst first."""
 ANGLES = ("wanted", "plain", "measured")
 """Series of angles of a report."""
-PAIRS = 14
+TIMELINE_PAIRS = 14
 """Number of pairs of links in the timeline, the earliest first."""
 
 
@@ -84,7 +84,7 @@ def tracking(report: Report) -> list[Chart]:
 
         return Chart(f"{names[joint]} [°]", _svg(f"tracking-{joint}", 1.5, draw))
 
-    return [chart(joint) for joint in np.argsort(-_plain_rms(report))[:JOINTS].tolist()]
+    return [chart(joint) for joint in np.argsort(-_plain_rms(report))[:CURVES].tolist()]
 
 
 def _plain_rms(report: Report) -> Floats:
@@ -206,7 +206,7 @@ def timeline(report: Report, warnings: Warnings | None) -> list[Chart]:
     if warnings is None or not warnings.flagged.any():
         return []
     shown = np.flatnonzero(warnings.flagged.any(axis=0))
-    shown = shown[np.argsort(warnings.flagged[:, shown].argmax(axis=0), kind="stable")][:PAIRS]
+    shown = shown[np.argsort(warnings.flagged[:, shown].argmax(axis=0), kind="stable")][:TIMELINE_PAIRS]
 
     def draw(axes: Any) -> None:
         for row, pair in enumerate(shown):
@@ -228,7 +228,7 @@ def timeline(report: Report, warnings: Warnings | None) -> list[Chart]:
 
 def predictions(found: Sequence["Prediction"], rate: float) -> Chart:
     """Draw measured and predicted angles of the joints that are predicted worst, above each other."""
-    worst = sorted(found, key=lambda one: -one.error)[:JOINTS]
+    worst = sorted(found, key=lambda one: -one.error)[:CURVES]
 
     def draw(axes: Any) -> None:
         for k, one in enumerate(worst):

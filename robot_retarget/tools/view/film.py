@@ -42,7 +42,7 @@ def painter(
 
 STRIP_HEIGHT = 480
 """Of the strip [pixels]."""
-GAP = 4
+STRIP_GAP = 4
 """White between two moments [pixels]."""
 
 
@@ -74,7 +74,7 @@ def strip(
         return missing
     with painter(staging, round(height * staging.aspect), height) as (paint, note):
         moments = [labelled(paint(k), f"{time:.1f} s") for k, time in enumerate(staging.times)]
-    gap = np.full((height, GAP, 3), 255, np.uint8)
+    gap = np.full((height, STRIP_GAP, 3), 255, np.uint8)
     columns = [part for moment in moments for part in (moment, gap)][:-1]
     return Picture(np.concatenate(columns, axis=1), note)
 
@@ -85,7 +85,7 @@ LOOP_HEIGHT = 240
 """Of the pictures [pixels]."""
 LOOP_FPS = 10.0
 """Pictures a second [1/s]."""
-MOST = 60
+MOST_PICTURES = 60
 """Number of pictures of a loop: two to three seconds of drawing. A longer motion is shown faster."""
 
 LOOP_QUALITY = 35
@@ -106,7 +106,7 @@ class AnimatedWebP:
 def loop(
     robot: Robot, trajectory: Trajectory, human: Floats | None = None, bones: Ints | None = None
 ) -> AnimatedWebP | Unavailable:
-    """Draw the whole motion in at most `MOST` small pictures.
+    """Draw the whole motion in at most `MOST_PICTURES` small pictures.
 
     Args:
         human: points (T', J, 3) [m] and `bones` (B, 2) as for `strip`.
@@ -119,8 +119,8 @@ def loop(
         return missing
     from PIL import Image
 
-    pace = max(trajectory.duration * LOOP_FPS / MOST, 1.0)
-    times = np.arange(0, max(trajectory.duration, 1 / LOOP_FPS), pace / LOOP_FPS)[:MOST]
+    pace = max(trajectory.duration * LOOP_FPS / MOST_PICTURES, 1.0)
+    times = np.arange(0, max(trajectory.duration, 1 / LOOP_FPS), pace / LOOP_FPS)[:MOST_PICTURES]
     staging = arrange(robot, trajectory, human, bones, times)
     with painter(staging, round(LOOP_HEIGHT * staging.aspect), LOOP_HEIGHT, finish=MOVING) as (paint, note):
         first, *others = [Image.fromarray(paint(k)) for k in range(len(times))]

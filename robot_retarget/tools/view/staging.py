@@ -23,13 +23,13 @@ FIELD_OF_VIEW = 26.0
 """From the lower to the upper edge [degrees]; narrow, so that bodies are not distorted."""
 FOLLOW = 1.0
 """The camera follows the mean of a path over this time [s]."""
-MARGIN = 1.1
+FRAME_MARGIN = 1.1
 """A picture is this much larger than what moves in it."""
 ROOMINESS = (0.6, 1.8)
 """Bounds of a picture's width over its height."""
 PROBES = 40
 """Number of moments from which extents are taken."""
-FLESH = 0.03
+SKIN = 0.03
 """Joints stand this far under the skin, as a part of the height."""
 LINK = 0.02
 """Radius of a link that no geom shows, as a part of the height ..."""
@@ -103,8 +103,8 @@ def arrange(robot: Robot, trajectory: Trajectory, human: Floats | None, bones: I
     right = _right(azimuth)
     moved = corners - _at(path, clock, trajectory.duration)[:, None]
     moved = _with_bodies(moved, trajectory, clock, corners - moved, height)
-    camera, human_at, width = _side_by_side(moved @ right, figure @ right, FLESH * height)
-    tall = max(corners[..., 2].max() - floor, figure[..., 2].max(initial=0.0) + 2 * FLESH * height, height)
+    camera, human_at, width = _side_by_side(moved @ right, figure @ right, SKIN * height)
+    tall = max(corners[..., 2].max() - floor, figure[..., 2].max(initial=0.0) + 2 * SKIN * height, height)
     way = _at(path, times, trajectory.duration) + np.array([0, 0, floor])
     aspect = float(np.clip(width / tall, *ROOMINESS))
     seen = np.concatenate([moved.reshape(-1, 3), (figure + human_at * right).reshape(-1, 3)])
@@ -181,7 +181,7 @@ def _distance(points: Floats, azimuth: float, aspect: float) -> float:
     """
     right, up, away = (points @ camera_axes(azimuth).T).T
     half = np.tan(np.radians(FIELD_OF_VIEW / 2))
-    return float(MARGIN * (np.maximum(np.abs(up), np.abs(right) / aspect) / half - away).max())
+    return float(FRAME_MARGIN * (np.maximum(np.abs(up), np.abs(right) / aspect) / half - away).max())
 
 
 def linked(model: mujoco.MjModel) -> Ints:
@@ -255,8 +255,8 @@ def _in_place(points: Floats, height: float, fps: float) -> Floats:
     """The human (T', J, 3) at a given height, on the floor z = 0, about its own way over ground."""
     if not points.size:
         return points
-    scaled = points * height * (1 - 2 * FLESH) / np.percentile(_sizes(points), 90)
-    lift = np.array([0, 0, FLESH * height - scaled[..., 2].min()])
+    scaled = points * height * (1 - 2 * SKIN) / np.percentile(_sizes(points), 90)
+    lift = np.array([0, 0, SKIN * height - scaled[..., 2].min()])
     return scaled + lift - _path(scaled.mean(1), fps)[:, None]
 
 

@@ -27,7 +27,7 @@ from robot_retarget.live.loop import LivePose, Loop
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import sample
 from robot_retarget.scene.scene import Scene
-from robot_retarget.tools.view.staging import FLESH, height_of
+from robot_retarget.tools.view.staging import SKIN, height_of
 from robot_retarget.tools.view.web.serve import message_of
 from robot_retarget.tools.view.web.shapes import shapes_of, shapes_of_scene
 from robot_retarget.tools.view.web.show import SCALAR_LAST, poses, seen
@@ -39,7 +39,7 @@ RECENT = 60
 """Number of frames that rate and latency are taken from."""
 LOST = 1.0
 """The longest part of a take that a killed stream loses [s], by definition."""
-PART = 20
+REWRITTEN = 20
 """A take is written again once this many times the time of the last writing have passed [-]: by definition it costs a twentieth of one processor."""
 
 
@@ -104,7 +104,7 @@ class Recording:
             began = perf_counter()
             with suppress(OutputError):  # `end` raises it
                 self._save()
-            pause = max(LOST, PART * (perf_counter() - began))
+            pause = max(LOST, REWRITTEN * (perf_counter() - began))
 
     def _save(self) -> None:
         """Write the poses that came until now, at an even rate."""
@@ -268,7 +268,7 @@ class PageSink:
             extent = float(np.linalg.norm(points[:, None] - points, axis=-1).max())
             self._performer = frame.skeleton, self._height / max(extent, 1e-6)
         middle = np.array([*points[:, :2].mean(axis=0), points[:, 2].min()])
-        return (points - middle) * self._performer[1] + [0.0, 0.0, FLESH * self._height]
+        return (points - middle) * self._performer[1] + [0.0, 0.0, SKIN * self._height]
 
     def _facts(self) -> dict[str, Any]:
         """Return state, address, rate, latency and faults of the stream, and the performer's bones."""

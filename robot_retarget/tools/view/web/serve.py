@@ -31,7 +31,7 @@ from robot_retarget.base.untrusted.documents import parse_json
 HOST = "127.0.0.1"
 """Only this machine is served; other machines connect through ssh."""
 PORT = 8410
-LONGEST = 1_000_000
+LARGEST_MESSAGE = 1_000_000
 """Longest message from a page [bytes]: a thousand keyframes of forty joints."""
 UPLOAD = "/drop"
 """Path of the requests that bring a file."""
@@ -39,7 +39,7 @@ LARGEST = 200_000_000
 """Largest file that a page may send [bytes]: an hour of a BVH at 60 frames a second has 150 MB."""
 DEADLINE = 10.0
 """Longest time from a connection, or from the answer before, to the end of a request [s];"""
-PATIENCE = 120.0
+UPLOAD_PATIENCE = 120.0
 """of a request that brings a file [s]: a file of the largest size at 13 Mbit/s."""
 OWN = {"localhost", "127.0.0.1", "::1"}
 """Names of this machine. Requests under another host name are refused, which stops DNS rebinding."""
@@ -113,7 +113,7 @@ class InTime(H11Protocol):
         if not self.cycle.more_body:
             self._expect(None)
         elif self.scope["path"] == UPLOAD:
-            self._expect(PATIENCE)
+            self._expect(UPLOAD_PATIENCE)
 
     def on_response_complete(self) -> None:
         super().on_response_complete()
@@ -176,14 +176,14 @@ async def message_of(request: Request) -> Any:
     if not request.headers.get("content-type", "").startswith("application/json"):
         raise HTTPException(404)
     content = b""
-    if int(request.headers.get("content-length", 0)) <= LONGEST:
+    if int(request.headers.get("content-length", 0)) <= LARGEST_MESSAGE:
         async for piece in request.stream():
             content += piece
-            if len(content) > LONGEST:
+            if len(content) > LARGEST_MESSAGE:
                 break
         else:
             return parse_json(content.decode(), "the message", UsageError)
-    raise HTTPException(413, f"a message has at most {LONGEST} bytes")
+    raise HTTPException(413, f"a message has at most {LARGEST_MESSAGE} bytes")
 
 
 def serve(page: Callable[[str], str], routes: Sequence[BaseRoute] = (), port: int = PORT) -> Served:

@@ -163,7 +163,7 @@ def _thinned(vertices: Floats, triangles: Ints, most: int) -> tuple[Floats, Ints
 
 PAIRS = 12
 """Number of pairs of links that are shown, the nearest first."""
-NEAR = 0.05
+NEAR_PAIR = 0.05
 """Pairs whose interaction distance is under this part of the robot's height are near."""
 
 
@@ -227,7 +227,7 @@ def near_pairs(staging: Staging, warnings: Warnings) -> tuple[Ints, Floats]:
         staging: of all frames of the warnings.
     """
     robot, qpos, scene = staging.robot, staging.qpos, staging.scene
-    near = warnings.ahead < min(NEAR * staging.height, warnings.reach)
+    near = warnings.ahead < min(NEAR_PAIR * staging.height, warnings.reach)
     shown = (near & (near.mean(axis=0) < 0.5)) | warnings.flagged
     columns = np.flatnonzero(shown.any(axis=0))
     columns = columns[np.argsort(warnings.ahead[:, columns].min(axis=0), kind="stable")][:PAIRS]

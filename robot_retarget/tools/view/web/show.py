@@ -34,7 +34,7 @@ from robot_retarget.tools.view.web.take import Take
 # {"type", "step", "shape", "offset"}; its value is step × the running sum over the first axis, wrapped to its type, and the
 # smallest number of the type means "no value". `assets/data.js` reads it.
 
-LENGTH = 1e-4
+PLACE_STEP = 1e-4
 """Step of places [m]."""
 TURN = 1 / 16384
 """Step of poses: places [m] and quaternions [-] alike; two metres fit into two bytes."""
@@ -82,7 +82,7 @@ class Packer:
 
 EDGES = 60
 """Number of edges in the page, the costliest over the clip first; it draws five of them until more are chosen."""
-FINE = 1e-3
+EDGE_STEP = 1e-3
 """Resolution of edges: metres, and shares of the largest."""
 
 
@@ -111,7 +111,7 @@ def _edges(solution: Solution, packer: Packer) -> dict[str, Any] | None:
     chosen = np.argsort(-every[4].sum(axis=0), kind="stable")[:EDGES]
     names = ("lower", "upper", "measured", "priority", "stress")
     packed = {
-        name: packer.add(values[:, chosen], FINE if name in names[:3] else _step(values[:, chosen]))
+        name: packer.add(values[:, chosen], EDGE_STEP if name in names[:3] else _step(values[:, chosen]))
         for name, values in zip(names, every, strict=True)
     }
     return {"ends": [found[k] for k in chosen.tolist()], **packed}
@@ -119,12 +119,12 @@ def _edges(solution: Solution, packer: Packer) -> dict[str, Any] | None:
 
 def _step(values: Floats) -> float:
     """A thousandth of the largest value."""
-    return float(np.max(values, initial=0.0)) * FINE or FINE
+    return float(np.max(values, initial=0.0)) * EDGE_STEP or EDGE_STEP
 
 
 SCALAR_LAST = [0, 1, 2, 4, 5, 6, 3]
 """Columns of a pose with the quaternion as x y z w, from one as w x y z."""
-COARSE = 1e-3
+CHART_STEP = 1e-3
 """Resolution of charts: degrees, centimetres, newton metres."""
 
 
@@ -147,7 +147,7 @@ def take_header(take: Take, packer: Packer) -> dict[str, Any]:
         "azimuth": round(staging.azimuth, 2),
         "distance": round(staging.distance, 3),
         "reach": round(_reach(staging), 3),
-        "way": packer.add(staging.targets, LENGTH),
+        "way": packer.add(staging.targets, PLACE_STEP),
         "bodies": _bodies(robot, shapes),
         "shapes": [_shape(shape, packer) for shape in shapes],
         "poses": packer.add(poses(robot, staging.qpos, shapes), TURN),
@@ -190,7 +190,7 @@ def _shape(shape: Shape, packer: Packer) -> dict[str, Any]:
     mesh = None
     if shape.mesh is not None:
         vertices, triangles = shape.mesh
-        mesh = {"vertices": packer.add(vertices, LENGTH), "triangles": packer.add(triangles)}
+        mesh = {"vertices": packer.add(vertices, PLACE_STEP), "triangles": packer.add(triangles)}
     numbers = {"size": shape.size, "position": shape.position, "quaternion": shape.quaternion, "colour": shape.colour}
     return {
         "body": shape.body, "kind": shape.kind, "mesh": mesh,
@@ -222,7 +222,7 @@ def _human(take: Take, staging: Staging, packer: Packer) -> dict[str, Any]:
     figure = stick_figure(staging)
     return {
         "names": list(take.human.names) if take.human else [],
-        "points": packer.add(staging.human, LENGTH),
+        "points": packer.add(staging.human, PLACE_STEP),
         "bones": staging.bones.tolist(),
         "limbs": figure.limbs.tolist(),
         "radii": np.round(figure.radii, 4).tolist(),
@@ -235,7 +235,7 @@ def _keypoints(robot: Robot, qpos: Floats, packer: Packer) -> dict[str, Any] | N
     if found is None:
         return None
     names, points, bones = found
-    return {"names": list(names), "points": packer.add(points, LENGTH), "bones": bones.tolist()}
+    return {"names": list(names), "points": packer.add(points, PLACE_STEP), "bones": bones.tolist()}
 
 
 def _joints(take: Take, packer: Packer) -> dict[str, Any]:
@@ -249,7 +249,7 @@ def _joints(take: Take, packer: Packer) -> dict[str, Any]:
         "fastest": np.degrees(robot.max_speed).round(1).tolist(),
         "angles": packer.add(trajectory.qpos[:, robot.qpos_index], ANGLE),
         "speeds": packer.add(held, 10 * ANGLE),
-        "anchors": packer.add(anchors(robot, trajectory.qpos), LENGTH),
+        "anchors": packer.add(anchors(robot, trajectory.qpos), PLACE_STEP),
     }
 
 
@@ -261,11 +261,11 @@ def _stance(stance: Stance, packer: Packer) -> dict[str, Any]:
         "schedule": [[(first, stop - 1) for first, stop in intervals(touching)] for touching in stance.touching.T],
         "footholds": footholds(stance),
         "counts": packer.add([len(corners) for corners in outlines]),
-        "outlines": packer.add(np.concatenate(outlines) if outlines else np.zeros((0, 2)), LENGTH),
-        "com": packer.add(stance.com, LENGTH),
-        "zmp": packer.add(stance.zmp, LENGTH),
-        "com_margin": packer.add(100 * stance.com_margin, COARSE),
-        "zmp_margin": packer.add(100 * stance.zmp_margin, COARSE),
+        "outlines": packer.add(np.concatenate(outlines) if outlines else np.zeros((0, 2)), PLACE_STEP),
+        "com": packer.add(stance.com, PLACE_STEP),
+        "zmp": packer.add(stance.zmp, PLACE_STEP),
+        "com_margin": packer.add(100 * stance.com_margin, CHART_STEP),
+        "zmp_margin": packer.add(100 * stance.zmp_margin, CHART_STEP),
     }
 
 
@@ -276,12 +276,12 @@ def _warnings(take: Take, staging: Staging, packer: Packer) -> dict[str, Any]:
     columns, ends = near_pairs(staging, warnings)
     return {
         "pairs": [" – ".join(warnings.pairs[column]) for column in columns.tolist()],
-        "ends": packer.add(ends, LENGTH),
-        "now": packer.add(warnings.distance[:, columns], LENGTH),
-        "ahead": packer.add(warnings.ahead[:, columns], LENGTH),
-        "alpha": packer.add(warnings.alpha[:, columns], COARSE),
+        "ends": packer.add(ends, PLACE_STEP),
+        "now": packer.add(warnings.distance[:, columns], PLACE_STEP),
+        "ahead": packer.add(warnings.ahead[:, columns], PLACE_STEP),
+        "alpha": packer.add(warnings.alpha[:, columns], CHART_STEP),
         "state": packer.add(warnings.state[:, columns]),
-        "contact": packer.add(warnings.time_to_contact[:, columns], COARSE),
+        "contact": packer.add(warnings.time_to_contact[:, columns], CHART_STEP),
         "events": [
             {
                 "pair": " – ".join(event.pair),
@@ -305,7 +305,7 @@ def _report(take: Take, report: Report, shapes: list[Shape], packer: Packer) -> 
         "stale": take.stale,
         "fall": None if take.stale else report.figures.get("fall_s"),
         "poses": packer.add(poses(robot, simulated, shapes), TURN) if len(simulated) else None,
-        "error": packer.add(np.degrees(series["error"]), COARSE) if "error" in series else None,
-        "torque": packer.add(series["torque"], COARSE) if "torque" in series else None,
+        "error": packer.add(np.degrees(series["error"]), CHART_STEP) if "error" in series else None,
+        "torque": packer.add(series["torque"], CHART_STEP) if "torque" in series else None,
         "bounds": [float(b) if np.isfinite(b) else None for b in series.get("bounds", ())],
     }
