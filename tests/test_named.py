@@ -12,7 +12,7 @@ import pytest
 from shared_files import ROOT
 
 PACKAGE = ROOT / "robot_retarget"
-FILES = re.compile(r"\.(bvh|csv|html|json|npy|npz|onnx|toml|yaml)$")
+FILES = re.compile(r"\.(bin|bvh|csv|html|json|npy|npz|onnx|toml|yaml)$")
 ELSEWHERE = {"torch", "observation", "NAME", "R", "preprocess_smplx"}
 """Heads of names of other programs and their files: PyTorch, LeRobot's columns, OpenSim's markers, a script of OmniRetarget."""
 GROUPS = {"robot_retarget.kinds"}

@@ -9,9 +9,9 @@ from robot_retarget.base.arrays import intervals
 from robot_retarget.base.errors import TrajectoryError
 from robot_retarget.base.untrusted.arrays import save_npz, shaped
 from robot_retarget.formats.bodies import body_names, body_tracks, robot_bodies, site_tracks, velocities
-from robot_retarget.formats.columns import ArrayKeys, Columns, holds, keyed
+from robot_retarget.formats.columns import ArrayKeys, Columns
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import TrajectorySource, declared
+from robot_retarget.formats.source import TrajectorySource, declared, declared_by_keys
 from robot_retarget.robot.model import FREE
 from robot_retarget.robot.timing import require_same_robot
 from robot_retarget.trajectory import KEYS as NATIVE_KEYS
@@ -104,12 +104,7 @@ def write_isaaclab_amp(motion: RobotMotion, path: Path) -> None:
     )
 
 
-ISAACLAB_AMP = declared(
-    "isaaclab-amp",
-    write_isaaclab_amp,
-    lambda source: keyed(source.arrays, AMP_KEYS, source.names("dof_names")),
-    lambda source: holds(source.arrays, *AMP_KEYS.required, "dof_names", "body_names"),
-)
+ISAACLAB_AMP = declared_by_keys("isaaclab-amp", write_isaaclab_amp, "arrays", AMP_KEYS, "dof_names", "body_names")
 
 
 # Format `locomujoco`: LocoMuJoCo's `Trajectory`.
@@ -203,12 +198,7 @@ def write_pyroki(motion: RobotMotion, path: Path) -> None:
     )
 
 
-PYROKI = declared(
-    "protomotions-pyroki",
-    write_pyroki,
-    lambda source: keyed(source.arrays, PYROKI_KEYS, source.names()),
-    lambda source: holds(source.arrays, *PYROKI_KEYS.required),
-)
+PYROKI = declared_by_keys("protomotions-pyroki", write_pyroki, "arrays", PYROKI_KEYS)
 
 
 # Format `native`: this package's own trajectory file; see `robot_retarget.trajectory`.

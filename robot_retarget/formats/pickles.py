@@ -22,7 +22,7 @@ from robot_retarget.formats.bodies import (
 )
 from robot_retarget.formats.columns import LAST_FIRST, ArrayKeys, Columns, array_in, holds, keyed
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import TrajectorySource, declared
+from robot_retarget.formats.source import TrajectorySource, declared, declared_by_keys
 from robot_retarget.formats.tables import rate
 from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.robot.recognise import recognise
@@ -62,12 +62,7 @@ def _in_root(motion: RobotMotion, bodies: np.ndarray) -> Floats:
     return np.einsum("tij,tbj->tbi", undo, places)
 
 
-GMR = declared(
-    "gmr",
-    write_gmr,
-    lambda source: keyed(source.pickled, GMR_KEYS, source.names()),
-    lambda source: holds(source.pickled, *GMR_KEYS.required),
-)
+GMR = declared_by_keys("gmr", write_gmr, "pickled", GMR_KEYS)
 
 
 # Format `mimickit`: MimicKit's motion pickle.
@@ -178,12 +173,7 @@ def write_protomotions(motion: RobotMotion, path: Path) -> None:
     dump_torch(path, {"fps": motion.fps, **singles, "rigid_body_contacts": contacts})
 
 
-PROTOMOTIONS = declared(
-    "protomotions",
-    write_protomotions,
-    lambda source: keyed(source.pickled, PROTOMOTIONS_KEYS, source.names()),
-    lambda source: holds(source.pickled, *PROTOMOTIONS_KEYS.required),
-)
+PROTOMOTIONS = declared_by_keys("protomotions", write_protomotions, "pickled", PROTOMOTIONS_KEYS)
 
 
 # Format `keyframe-kit`: the `.lz4` of robot-keyframe-kit and ToddlerBot's motions.

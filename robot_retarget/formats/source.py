@@ -16,7 +16,7 @@ from robot_retarget.base.untrusted.arrays import load_npz, rate_of
 from robot_retarget.base.untrusted.documents import read_json
 from robot_retarget.base.untrusted.limits import LZ4_MAGIC, file_bytes, is_zip
 from robot_retarget.base.untrusted.pickles import load_pickle
-from robot_retarget.formats.columns import Columns
+from robot_retarget.formats.columns import ArrayKeys, Columns, holds, keyed
 from robot_retarget.formats.robot_motion import FormatOptions, RobotMotion
 from robot_retarget.robot.model import Robot
 from robot_retarget.trajectory import Trajectory
@@ -201,3 +201,20 @@ def declared(
 ) -> TrajectoryFormat:
     """Return a format of `formats.toml` with its functions."""
     return TrajectoryFormat(name, write, read, claims, **ROWS[name])
+
+
+def declared_by_keys(
+    name: str, write: Callable[[RobotMotion, Path], None], table: str, keys: ArrayKeys, *named: str
+) -> TrajectoryFormat:
+    """Return a format whose file is a dictionary with the arrays of root and joints.
+
+    Args:
+        table: the property of a source that holds the dictionary: `arrays` or `pickled`.
+        named: keys of the names of the joints, and of what else the file has.
+    """
+    return declared(
+        name,
+        write,
+        lambda source: keyed(getattr(source, table), keys, source.names(*named[:1])),
+        lambda source: holds(getattr(source, table), *keys.required, *named),
+    )

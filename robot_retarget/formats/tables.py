@@ -38,15 +38,14 @@ def rows_format(name: str) -> TrajectoryFormat:
     return declared(name, write, read, looks_like_rows)
 
 
-def number_rows(source: TrajectorySource, skip: int = 0) -> Floats:
+def number_rows(source: TrajectorySource) -> Floats:
     """(T, C) the numbers of a table.
 
     Raises:
         TrajectoryError: a line that is not numbers or has another width, or fewer columns than a root has.
     """
-    lines = source.text.split("\n")
     try:
-        rows = np.loadtxt(lines[skip:], delimiter=",", ndmin=2)
+        rows = np.loadtxt(source.text.split("\n"), delimiter=",", ndmin=2)
     except ValueError as error:
         raise TrajectoryError(f"not a table of numbers: {error}") from error
     if not rows.size:

@@ -60,15 +60,14 @@ class Footprint:
     """Of the toe [m]."""
 
 
-def with_terrain(motion: Motion, match: Match, rule: TerrainRule | None = None) -> Motion:
+def with_terrain(motion: Motion, match: Match) -> Motion:
     """Return a motion with boxes under its steps and seats, its lowest level at z = 0; the same motion on a level floor.
 
     Args:
         motion: the human's; bodies around it stay.
         match: its keypoints.
-        rule: what counts as a step or a seat.
     """
-    chosen, clip = rule or TerrainRule(), motion.clip
+    chosen, clip = TerrainRule(), motion.clip
     x = match.human_positions(clip)
     prints = list(_footprints(x, match, motion.fps, chosen))
     if not prints:

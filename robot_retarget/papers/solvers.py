@@ -73,11 +73,6 @@ class PointSolution:
         return relative_errors(self.graph, self.positions)
 
     @property
-    def mean_error(self) -> float:
-        """MDE, the mean relative error over the edges."""
-        return float(self.relative_errors.mean()) if len(self.errors) else 0.0
-
-    @property
     def largest_error(self) -> float:
         """LDE, the largest relative error over the edges."""
         return float(self.relative_errors.max(initial=0.0))

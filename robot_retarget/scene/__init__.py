@@ -1,6 +1,6 @@
 """The world around the body: objects and terrain as rigid bodies with a shape and a pose over time.
 
-`read` reads files to a `Scene`, `Motion.with_scene` brings it to the frames of a motion, `geoms` gives it to MuJoCo.
+`read` reads files to a `Scene`, `human.surroundings.with_scene` brings it to the frames of a motion, `geoms` gives it to MuJoCo.
 """
 
 from robot_retarget.base.mujoco_setup import require_mujoco, require_usable_gl

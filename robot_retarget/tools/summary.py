@@ -223,8 +223,8 @@ def _kind(track: Track) -> dict[str, Any]:
     }
 
 
-def describe_stress(solution: Solution, count: int = 8) -> dict[str, Any]:
-    """Stress per kind, and the edges that cost most, each at its worst frame."""
+def describe_stress(solution: Solution) -> dict[str, Any]:
+    """Stress per kind, and the eight edges that cost most, each at its worst frame."""
     return {
         "stress": {kind: round(float(part.mean()), 5) for kind, part in solution.stress.items()},
         "worst_edges": [
@@ -236,7 +236,7 @@ def describe_stress(solution: Solution, count: int = 8) -> dict[str, Any]:
                 "error": round(edge.error, 4),
                 "priority": round(edge.priority, 3),
             }
-            for edge in solution.costliest(count)
+            for edge in solution.costliest(8)
         ],
     }
 

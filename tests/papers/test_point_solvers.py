@@ -61,7 +61,7 @@ def test_solution_judges_itself() -> None:
     third = 1 / 3
     np.testing.assert_allclose(np.abs(solution.errors), third, atol=1e-6)
     assert solution.largest_error == pytest.approx(third, abs=1e-6)
-    assert solution.mean_error == pytest.approx((third + third + third / 3) / 3, abs=1e-6)
+    assert solution.relative_errors.mean() == pytest.approx((third + third + third / 3) / 3, abs=1e-6)
     assert solution.history[0] == pytest.approx(stress(graph, [[0, 0], [1, 0.1], [2, 0]]))
     assert solution.history[-1] == pytest.approx(solution.stress)
 

@@ -25,10 +25,10 @@ then."""
 class World:
     """Steps all devices along the clock."""
 
-    def __init__(self, devices: Sequence[Device], plant: "Twin | None" = None, supply: float | None = None) -> None:
+    def __init__(self, devices: Sequence[Device], plant: "Twin | None" = None) -> None:
         self.devices: list[Device] = list(devices)
         self.plant = plant
-        self.supply = supply
+        self.supply: float | None = None
         """Voltage of the supply without load [V]; None gives each servo its own nominal one."""
         self.step: float = plant.step if plant else STEP
         self.time: float = 0.0
@@ -134,7 +134,6 @@ class FaultInjector:
         """When the last one happened [s]."""
         self._later: list[tuple[float, str]] = []
         self._fresh = [copy.deepcopy(vars(device)) for device in network.devices]
-        self._supply = world.supply
         self._actions: dict[str, Callable[..., object]] = {
             "silent": lambda who: self.network.silent.update(self._ids(who)),
             "heard": lambda who: self.network.silent.difference_update(self._ids(who)),
@@ -203,7 +202,7 @@ class FaultInjector:
             device.boot()
         vars(self.wire).update(vars(Wire()))
         self.network.silent.clear()
-        self.world.supply = self._supply
+        self.world.supply = None
 
     def _ids(self, who: str) -> set[int]:
         """Of servos, and of the sensor board."""
