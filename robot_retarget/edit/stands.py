@@ -15,6 +15,7 @@ from robot_retarget.base.arrays import Floats, least_jerk
 from robot_retarget.base.errors import UsageError
 from robot_retarget.edit.cuts import placed_by_foot
 from robot_retarget.edit.held import fixed, held, with_root
+from robot_retarget.edit.window import FIXED
 from robot_retarget.graph.describe import describe
 from robot_retarget.human.robot_performer import performed
 from robot_retarget.judge.worlds import Spread
@@ -35,8 +36,6 @@ STEEPEST = 1.5
 """Largest slope of a smoothstep, with which the root comes to its speed [-]."""
 HASTE = Spread().friction[0] * g
 """Largest acceleration of the root along the floor, that of the most slippery floor of drawn worlds [m/s²]."""
-ENDS = 2
-"""Frames at each end of a way that stay where links are moved apart: 2 hold position and velocity."""
 
 
 def between_stands(trajectory: Trajectory, robot: Robot, seconds: float = 1.0) -> Trajectory:
@@ -78,7 +77,7 @@ def _way_from_stand(path: Floats, robot: Robot, fps: float, seconds: float) -> F
     way[:, robot.qpos_index] = np.clip(angles[:-1], robot.lower, robot.upper)
     if not (robot.floating and recognise(robot).treads):
         return way
-    joined = np.concatenate([way, path[:ENDS]])
+    joined = np.concatenate([way, path[:FIXED]])
     joined[: len(way), robot.root_address + 2] -= _hovering(joined[: len(way) + 1], risen, robot)
     return _apart(joined, robot, fps)[: len(way)]
 
@@ -126,7 +125,7 @@ def _apart(joined: Floats, robot: Robot, fps: float) -> Floats:
     trajectory = Trajectory(joined, fps, robot.joint_names, robot.name)
     graph = with_root(describe(performed(trajectory, robot), robot, fps=fps).without("foothold"))
     problem, ends = problem_of(graph), np.ones(len(joined), dtype=bool)
-    ends[ENDS:-ENDS] = False
+    ends[FIXED:-FIXED] = False
     graph = held(graph, problem, joined, np.ones(len(robot.joint_names), dtype=bool))
     graph = fixed(graph, joined, np.tile(ends[:, None], len(robot.joint_names)), np.ones(len(joined), dtype=bool))
     found = solve_graph(graph, problem=problem, start=joined).trajectory.qpos

@@ -24,7 +24,7 @@ AROUND = 0.5
 a wave is set to 0.2 m from the head for a third of a second, half changes nothing and double lowers the jerk from 104
 to 86 rad/s³, at 14 more frames."""
 FIXED = 2
-"""Frames that stay at each end of a window: 2 hold position and velocity."""
+"""Frames that stay at each end of a window, or of a way to a stand: 2 hold position and velocity."""
 MISSED = 10 * UNMET
 """A pose that misses a hard edge by more is sought from other starts, and the report of the edge says why [m]."""
 

@@ -8,6 +8,7 @@ from robot_retarget.actuators.motors import (
     FULL_PWM,
     HEAT_RISE,
     HEAT_TIME,
+    TICKS_PER_TURN,
     Pendulum,
     mechanics_of,
     next_speed,
@@ -54,8 +55,8 @@ class EmulatedMotor:
     """Dry [N m]: that of the XM430 of the OP3 in `PUBLISHED`, 0.03."""
     weight: float = 0.0
     """Torque of a pendulum's weight when it is horizontal [N m]."""
-    hanging: float = 2048.0
-    """Where the pendulum hangs [ticks]: 2048 is the middle of the turn."""
+    hanging: float = TICKS_PER_TURN / 2
+    """Where the pendulum hangs [ticks]: in the middle of the turn."""
     gear: float = 1.0
     """Turns of the shaft for one of the pendulum."""
     jammed: bool = False
