@@ -64,7 +64,7 @@ class CausalSurroundings:
 LEAP = 12.0
 """A faster body was moved by the tracker, not by its legs: the leap is removed from its path [m/s]. The fastest
 sprinter reached 12.4 m/s."""
-FOLLOWED = 0.5
+DRIFT_SPEED = 0.5
 """Speed at which a drift of the floor is followed [m/s]: half and double find the same contacts in streams of six
 clips."""
 _NOT = np.zeros(1, dtype=bool)
@@ -138,7 +138,7 @@ class CausalFeatures:
             self._since, self._lowest = 0.0, [self._lowest[1], lowest]
         if abs(height) < DRIFT * self.leg:
             return 0.0
-        step = min(max(height, -FOLLOWED * seconds), FOLLOWED * seconds)
+        step = min(max(height, -DRIFT_SPEED * seconds), DRIFT_SPEED * seconds)
         self.moved[2] -= step
         self._lowest = [self._lowest[0] - step, self._lowest[1] - step]
         return step

@@ -27,7 +27,7 @@ BELOW_FLOOR = 0.05
 """A moving body that reaches deeper under the floor has another place, unit or order of quaternions [m]."""
 FLESH_AT_BODY = 0.06
 """Flesh and errors of captures take this from a joint to the surface of a body [m]; a deeper joint is named ..."""
-INSIDE = 0.12
+WITHIN_HUMAN = 0.12
 """... and one that is deeper than this at the first frame is refused [m]."""
 MISSING = 0.1
 """Poses may begin later and end earlier than the motion by this time [s]; they are held there: three frames at 30
@@ -151,7 +151,7 @@ def _inside(scene: Scene, poses: Floats, clip: Motion) -> str:
         f"holds the human's joint {clip.skeleton.names[joint]!r} {-distance.min():.2f} m deep at the first frame: "
         f"{SCAN if mesh else ''}check its position, its unit and the order of its quaternions"
     )
-    if distance.min() < -INSIDE:
+    if distance.min() < -WITHIN_HUMAN:
         raise SceneError(f"{scene.bodies[body].title} {what}")
     return f"Body {scene.names[body]!r} {what}."
 

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from robot_retarget.base.arrays import Floats, Ints
-from robot_retarget.robot.geoms import TOUCHING, solid_geoms
+from robot_retarget.robot.geoms import ON_SURFACE, solid_geoms
 from robot_retarget.robot.model import Robot
 from robot_retarget.scene.geoms import PREFIX, add_bodies, compiled, measured_bodies, moving_bodies, place_bodies
 from robot_retarget.scene.scene import Scene
@@ -130,7 +130,7 @@ class RobotAmongBodies:
             self.place(qpos, poses)
             own = int(self._body_geoms[self._bodies.index(body)])
             least, geom, ends = min((self._between(own, geom, FACE_REACH) for geom in geoms), key=itemgetter(0))
-            way = _way(ends, least) if abs(least) > TOUCHING else face[1]
+            way = _way(ends, least) if abs(least) > ON_SURFACE else face[1]
             if way @ face[1] > ALIKE:
                 return least, self._slope(geom, ends[3:], way)
         return self.to_face(qpos, poses, geoms, face)
@@ -166,7 +166,7 @@ class RobotAmongBodies:
     def _rows(self, pairs: list[list[int]], reach: float) -> BodyDistances:
         """Return the distances of pairs of a solid geom and a body that are within reach, with their slopes."""
         measured = [(k, b, *self._between(int(self._body_geoms[b]), int(self._geoms[k]), reach)) for k, b in pairs]
-        found = [one for one in measured if one[2] < reach and abs(one[2]) > TOUCHING]
+        found = [one for one in measured if one[2] < reach and abs(one[2]) > ON_SURFACE]
         slope = np.empty((len(found), self.model.nv))
         for row, (_, _, least, geom, ends) in zip(slope, found, strict=True):
             row[:] = self._slope(geom, ends[3:], _way(ends, least))

@@ -198,7 +198,7 @@ def views(data: mujoco.MjData) -> tuple[Floats, ...]:
 # the corners near the other box are added: a point p is ‖max(|p| − h, 0)‖ away from a box of half sizes h. Boxes that overlap
 # get no corners, because a corner inside a box has no direction out of it.
 
-TOUCHING = 1e-9
+ON_SURFACE = 1e-9
 """Surfaces this near have no direction between them [m]."""
 TOGETHER = 32
 """Configurations in which all boxes are compared with each other at once: their distances stay in the processor's
@@ -232,9 +232,9 @@ class Boxes:
         if not len(pairs):
             return NOWHERE
         nearest = self._nearest(placed, frame, pairs)
-        apart = np.flatnonzero(nearest.distance > TOUCHING)
+        apart = np.flatnonzero(nearest.distance > ON_SURFACE)
         frame, pairs, turn, offset = (each.take(apart, axis=0) for each in (frame, pairs, turn, offset))
-        return nearest[np.flatnonzero(np.abs(nearest.distance) > TOUCHING)] + self._corners(
+        return nearest[np.flatnonzero(np.abs(nearest.distance) > ON_SURFACE)] + self._corners(
             placed,
             np.concatenate([frame, frame]),
             np.concatenate([pairs, pairs[:, ::-1]]),
@@ -277,8 +277,8 @@ class Boxes:
                 self._positions[:], self._turns[:], last = placed.positions[at], placed.turns[at], at
             distance[k] = mujoco.mj_geomDistance(self.model, self._data, a, b, 2 * self.reach, ends[k])
         ends = ends.reshape(-1, 2, 3)
-        way = (ends[:, 1] - ends[:, 0]) / np.where(np.abs(distance) > TOUCHING, distance, np.inf)[:, None]
-        for k in np.flatnonzero(distance <= TOUCHING):
+        way = (ends[:, 1] - ends[:, 0]) / np.where(np.abs(distance) > ON_SURFACE, distance, np.inf)[:, None]
+        for k in np.flatnonzero(distance <= ON_SURFACE):
             distance[k], way[k] = self._overlap(placed, frame[[k, k]], pairs[k])
         return GeomDistances(frame, distance, pairs, ends.mean(axis=1), way)
 
@@ -300,7 +300,7 @@ class Boxes:
         corner = (_CORNERS * self.sizes[pairs[:, 1], None]) @ turn.mT + offset[:, None]
         out = np.maximum(np.abs(corner) - self.sizes[pairs[:, 0], None], 0.0)
         distance = np.sqrt((out * out).sum(axis=2))
-        pair, which = ((distance > TOUCHING) & (distance < self.reach)).nonzero()
+        pair, which = ((distance > ON_SURFACE) & (distance < self.reach)).nonzero()
         corner, out, distance, frame = corner[pair, which], out[pair, which], distance[pair, which], frame[pair]
         slope = out * np.sign(corner) / distance[:, None]
         axes, origin = placed.matrices(frame, pairs[pair, 0]), placed.origins(frame, pairs[pair, 0])

@@ -22,7 +22,7 @@ CARTON = (0.76, 0.6, 0.42, 1.0)
 """Colour of bodies that move in pictures: red, green, blue, alpha."""
 STANDING = (0.62, 0.66, 0.7, 1.0)
 """Colour of bodies at rest."""
-FLOOR = 2
+FLOOR_TYPE = 2
 """Contact type of a floor for bodies alone."""
 BASE = 0.01
 """Thickness of a height field under its lowest point [m]: MuJoCo requires one, and nothing comes there."""
@@ -52,7 +52,7 @@ def add_bodies(spec: mujoco.MjSpec, scene: Scene, free: bool = False) -> None:
             own.add_freejoint(name=name)
         geom = own.add_geom(name=name, type=_TYPES[body.shape.kind], friction=[body.friction, 0.005, 0.0001])
         geom.mass, geom.rgba = body.weight, list(STANDING if body.fixed else CARTON)
-        geom.conaffinity = 1 | FLOOR
+        geom.conaffinity = 1 | FLOOR_TYPE
         _give_shape(spec, geom, body)
 
 
@@ -67,7 +67,7 @@ def add_floor(spec: mujoco.MjSpec, model: mujoco.MjModel) -> bool:
 def add_floor_of_bodies(spec: mujoco.MjSpec) -> None:
     """Add a floor z = 0 that bodies touch and the robot does not: for a robot that is carried in the air."""
     floor = spec.worldbody.add_body(name="the floor of the bodies")
-    floor.add_geom(type=_GEOM.mjGEOM_PLANE, size=[0, 0, 0.05], contype=FLOOR, conaffinity=0)
+    floor.add_geom(type=_GEOM.mjGEOM_PLANE, size=[0, 0, 0.05], contype=FLOOR_TYPE, conaffinity=0)
 
 
 def _give_shape(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, body: RigidBody) -> None:

@@ -26,7 +26,7 @@ because it bends backwards; a reversed elbow bends away. Arms of few hinges leav
 it sideways. With half 21 clips are accepted as well; double would refuse 10."""
 LEVEL = 0.5
 """A left direction that points up or down by a larger cosine, 30° over the level, has no heading."""
-APART = 0.5
+ELBOWS_APART = 0.5
 """Elbows at least this far apart sideways, in shoulder widths, are on two sides. Half and double accept the same 21
 clips."""
 SHOWN = 0.2
@@ -154,7 +154,7 @@ def _elbows(
         for body, left in ((human, wanted), (own, actual))
     ]
     what = "its left elbow is where the human's right one is"
-    return PlausibilityCheck(what, np.abs(apart[0]) > APART, apart[1] * np.sign(apart[0]) < 0, cause)
+    return PlausibilityCheck(what, np.abs(apart[0]) > ELBOWS_APART, apart[1] * np.sign(apart[0]) < 0, cause)
 
 
 def _opposed(wanted: Floats, actual: Floats) -> Bools:

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.distances import Separation
-from robot_retarget.robot.geoms import TOUCHING, Boxes, GeomDistances, Placed, allowed
+from robot_retarget.robot.geoms import ON_SURFACE, Boxes, GeomDistances, Placed, allowed
 
 REACH = 0.05
 EXACT = 2e-6
@@ -42,7 +42,7 @@ placements = st.tuples(
 @settings(max_examples=200, deadline=None)
 def test_the_nearest_place_is_as_far_as_mujoco_says(placement: tuple[np.ndarray, Rotation]) -> None:
     found, distance = near_at(*placement)
-    if distance < REACH - 1e-6 and abs(distance) > TOUCHING:  # boxes that just touch have no direction between them
+    if distance < REACH - 1e-6 and abs(distance) > ON_SURFACE:  # boxes that just touch have no direction between them
         assert abs(found.distance.min() - distance) < 1e-5
         assert (found.distance >= distance - 1e-5).all()
 

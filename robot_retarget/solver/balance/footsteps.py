@@ -175,7 +175,7 @@ def _median(places: np.ndarray) -> complex:
 #
 # Soles are their corners (T, F, 4, 3) in the order of `robot.support.CORNER_NAMES`, the left foot first.
 
-GAP = 0.6
+LEAST_GAP = 0.6
 """Least gap between two soles, as a share of the gap in the robot's own stand. Half changes nothing in the sample walk on the
 OP3; with double its legs are 0.4° further from the human's."""
 
@@ -186,7 +186,7 @@ def spread(corners: Floats, own: Floats) -> Floats:
     A human moves narrow feet past each other closely; large soles cannot pass.
     """
     width = across(own[None])[0]
-    missing = np.maximum(width - across(corners), GAP * gaps(own[None])[0] - gaps(corners))
+    missing = np.maximum(width - across(corners), LEAST_GAP * gaps(own[None])[0] - gaps(corners))
     aside = np.maximum(missing, 0.0)[:, None] / 2 * left(corners)
     apart = corners.copy()
     apart[:, 0, :, :2] += aside[:, None]

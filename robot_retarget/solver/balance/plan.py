@@ -16,7 +16,7 @@ from robot_retarget.robot.support import Planes, Polygon, joined, level_planes, 
 from robot_retarget.robot.timing import sample
 from robot_retarget.scene.geoms import SolidGround
 from robot_retarget.solver.balance.balanced_ik import BalancedIk, balanced_stand, stand_places
-from robot_retarget.solver.balance.footsteps import GAP, foothold_places, gaps, laid_on
+from robot_retarget.solver.balance.footsteps import LEAST_GAP, foothold_places, gaps, laid_on
 from robot_retarget.trajectory import Trajectory
 
 # A path of the centre of mass over a clip, planned with preview: one quadratic program over all frames.
@@ -333,7 +333,7 @@ def _places(ik: BalancedIk, clip: PlaybackClip, ends: list[Floats], timeline: Ti
         start, stop = int(before[0]), int(after[0])
         part = smoothstep(np.linspace(0.0, 1.0, stop - start + 1))[1:-1, None, None]
         corners[start + 1 : stop, foot] = (1 - part) * corners[start, foot] + part * corners[stop, foot]
-    gap = GAP * float(gaps(stand_places(ik)[None])[0])
+    gap = LEAST_GAP * float(gaps(stand_places(ik)[None])[0])
     return foothold_places(timeline.planted, corners, ARC * ik.leg, gap, clip.ground)
 
 

@@ -284,7 +284,7 @@ BOUNDS = (0.018, 0.029)
 HEAD = 0.055
 """Radius of the head as a part of the height."""
 
-ALONE = 0.8
+NO_TWIN = 0.8
 """A limb this much shorter than all others has no twin on the other side [-]."""
 
 
@@ -314,7 +314,7 @@ def _head(staging: Staging, lengths: Floats) -> int:
     the time: a raised hand does not, but who lies down has no head that does.
     """
     limbs = sorted((_to_the_branch(staging.bones, lengths, int(end)), int(end)) for end in _ends(staging.bones))
-    if len(limbs) > 1 and limbs[0][0] < ALONE * limbs[1][0]:
+    if len(limbs) > 1 and limbs[0][0] < NO_TWIN * limbs[1][0]:
         return limbs[0][1]
     return int(np.median(staging.human[..., 2], axis=0).argmax())
 
