@@ -345,9 +345,9 @@ def zmp(subject: Subject) -> tuple[Value, ...]:
 # heel moves its toe: `skate_cm_s` is the speed of the slowest point of the sole. Contact preservation needs the pose of an object.
 
 COUNTED_DEPTH = 0.01
-"""Penetration beyond this counts [m]: 1 cm, as in `eval_retargeting.py`."""
+"""Penetration beyond this counts [m]: 1 cm by the definition of OmniRetarget."""
 TOE_STEP = 0.01
-"""A toe in stance moves at most this far from frame to frame [m]: 1 cm, as in `eval_retargeting.py`."""
+"""A toe in stance moves at most this far from frame to frame [m]: 1 cm by the definition of OmniRetarget."""
 TOES = ("l_toe", "r_toe")
 
 
