@@ -149,3 +149,9 @@ def test_both_readmes_have_the_same_sections_commands_and_figures() -> None:
     assert blocks(english, "sh", "python", "text") == blocks(chinese, "sh", "python", "text")
     numbers = [sorted(re.findall(r"\d+\.\d+", page.read_text("utf-8"))) for page in (english, chinese)]
     assert numbers[0] == numbers[1]
+
+
+def test_a_release_in_the_changelog_has_at_most_600_words() -> None:
+    """Git merges the file as a union, which keeps lines that the other side deleted."""
+    _, *releases = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").split("\n## ")[1:]
+    assert not {release.split("\n")[0]: len(release.split()) for release in releases if len(release.split()) > 600}
