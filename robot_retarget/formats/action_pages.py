@@ -1,4 +1,4 @@
-"""Action pages of ROBOTIS robots (`motion_4095.bin`): their layout, and the format `op3-action`.
+"""Action pages of ROBOTIS robots (motion_4095.bin): their layout, and the format `op3-action`.
 
 256 pages of 512 bytes: a header of 64 bytes and seven steps of 31 goal positions [tick] by servo id, a pause and a time. The
 player moves straight from step to step when `accel` is 0; a step of time n takes n + 3 of its cycles of 8 ms, because it

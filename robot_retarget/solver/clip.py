@@ -14,17 +14,16 @@ from robot_retarget.robot.kinematics import difference, tangent_names
 from robot_retarget.solver.candidates import coarse_path
 from robot_retarget.solver.descent import FrameSolution
 from robot_retarget.solver.limits import targets_of
+from robot_retarget.solver.minimum import ClipMinimum, clip_of
 from robot_retarget.solver.options import Search, Smoothing
-from robot_retarget.solver.passes import Passes, clip_of
-from robot_retarget.solver.problem import Problem
+from robot_retarget.solver.problem import UNREACHED, Problem
+from robot_retarget.solver.solution import UNMET
 from robot_retarget.solver.sqp import FrameSolver
 
-COARSE = 4
-"""The coarse path takes about as long as this number of passes; the progress counts it as such."""
-
-UNREACHED = 0.0125
-"""A hard edge that a round misses by more is out of reach, over the leg [-]: by 2.8 mm on the OP3, 8 mm on the G1. With 1 cm for
-both, 31 clips cost 2.5 % more on the OP3, a ballet 45 %; with half and double -0.5 and 0.6 %."""
+EXPECTED = 10
+"""Number of steps that the progress expects [-]: measured, 6 to 24 on 19 clips."""
+COARSE = 10
+"""The coarse path takes about as long as this number of steps; the progress counts it as such."""
 
 
 def clip_poses(
@@ -44,7 +43,7 @@ def clip_poses(
     asked: list[list[Track]] = []
     windows = tuple(smoothing.windows.cut(len(graph), graph.fps))
     moving = sum(window.last - window.first - window.fixed for window in windows)
-    count.expect(COARSE * len(graph) + smoothing.passes * moving)
+    count.expect(COARSE * len(graph) + EXPECTED * moving)
     asks = targets_of(coarse_tracks(graph))
     path = coarse_path(solver, graph, asks, search) if start is None else list(start)
     count.advance(COARSE * len(graph))
@@ -61,22 +60,37 @@ def clip_poses(
 def _window_poses(
     solver: FrameSolver, graph: RobotGraph, coarse: Floats, smoothing: Smoothing, fixed: int, count: Count
 ) -> tuple[list[Track], list[FrameSolution]]:
-    """Return the tracks and the poses of a window that rounds of passes reach from a path.
+    """Return the tracks and the poses of a window that steps reach from a path.
 
-    Targets that depend on the poses, such as footholds, follow the poses before each round. A foot that misses its foothold in one
-    round is free in the next ones.
+    Targets that depend on the poses, such as footholds, follow the poses after each round. After the last one, a foot is free where
+    the path misses its foothold. Hard edges of a user count as soft ones until then.
     """
-    path, unreached = coarse, np.zeros(len(coarse), dtype=bool)
+    problem, tracks = solver.problem, renewed_tracks(solver, graph, coarse, fixed)
+    clip = clip_of(solver, tracks, smoothing, graph.fps, fixed)
+    minimum = ClipMinimum(replace(clip, all_targets=problem.eased(clip.all_targets)), coarse)
+    for left, steps in reversed([*enumerate(reversed(smoothing.rounds))]):
+        minimum.take(steps, count)
+        tracks = (renewed_tracks if left else _reachable_tracks)(solver, graph, minimum.qpos, fixed)
+        clip = clip_of(solver, tracks, smoothing, graph.fps, fixed)
+        minimum.renew(replace(clip, all_targets=problem.eased(clip.all_targets)))
+    if problem.by_user.size:
+        minimum.take(smoothing.steps, count)
+        minimum.renew(clip)
+        minimum.take(smoothing.steps, count)
+        tracks = _reachable_tracks(solver, graph, minimum.qpos, fixed)
+        clip = clip_of(solver, tracks, smoothing, graph.fps, fixed)
+        minimum.renew(clip)
+        if problem.missed(minimum.qpos, problem.eased(clip.all_targets)).max() > UNMET:  # they drag the feet
+            minimum.renew(replace(clip, all_targets=problem.within_reach(minimum.qpos, clip.all_targets)))
+    minimum.keep_apart()
+    return tracks, minimum.finish(count)
+
+
+def _reachable_tracks(solver: FrameSolver, graph: RobotGraph, path: Floats, fixed: int) -> list[Track]:
+    """Return the tracks with targets that depend on a path, and feet free where it misses their footholds."""
     tracks = renewed_tracks(solver, graph, path, fixed)
-    passes = Passes(clip_of(solver, tracks, smoothing, graph.fps, fixed), path)
-    for number in range(1, smoothing.rounds + 1):
-        last = number == smoothing.rounds
-        passes.take(smoothing.passes - 1 if last else number * smoothing.passes // smoothing.rounds, count)
-        unreached |= solver.problem.missed(passes.qpos, passes.clip.all_targets) > UNREACHED * solver.leg
-        path = path if last else passes.qpos.copy()
-        tracks = renewed_tracks(solver, graph, path, fixed, unreached)
-        passes.renew(clip_of(solver, tracks, smoothing, graph.fps, fixed))
-    return tracks, passes.finish(count)
+    unreached = solver.problem.missed(path, solver.problem.eased(targets_of(tracks))) > UNREACHED * solver.leg
+    return renewed_tracks(solver, graph, path, fixed, unreached) if unreached.any() else tracks
 
 
 def coarse_tracks(graph: RobotGraph) -> list[Track]:

@@ -14,18 +14,9 @@ TIE = 1e-6
 
 
 def foremost(found: ClipRows, most: int) -> ClipRows:
-    """Return at most `most` rows of every configuration, in order of the configurations.
-
-    Where they are more, each counts once, and the nearest come first.
-    """
-    counts = np.bincount(found.frame)
-    if counts.max(initial=0) <= most and (found.frame[1:] >= found.frame[:-1]).all():
-        return found
+    """Return at most `most` rows of every configuration, in order of the configurations: the nearest. Equal ones count once."""
     found = found.some(np.lexsort((found.values, found.frame)))
-    crowded = np.flatnonzero((counts > most)[found.frame])
-    kept = np.ones(len(found), dtype=bool)
-    kept[crowded[_repeated(found.some(crowded))]] = False
-    found = found.some(np.flatnonzero(kept))
+    found = found.some(np.flatnonzero(~_repeated(found)))
     return found.some(np.flatnonzero(tightest_rows(found.frame, found.deficit, most)))
 
 

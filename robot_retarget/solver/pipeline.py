@@ -280,7 +280,7 @@ def carried(
     return solve(
         describe(motion, robot, fps=fps, weights=exact, preset=preset, kinds=kinds),
         options=SolveOptions(tolerance=EXACT * SolveOptions.tolerance),
-        smoothing=Smoothing(passes=8, proximal=EXACT * Smoothing.proximal, closing=1.0),
+        smoothing=Smoothing(gain=EXACT * Smoothing.gain),
         legs=legs,
         balance=balance,
         progress=progress,

@@ -9,7 +9,7 @@ whose model lies above ϱ everywhere). The model is  cost + 2 (Jᵀ W r)·v + v�
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -41,6 +41,12 @@ from robot_retarget.robot.kinematics import tangent_names
 from robot_retarget.solver.compiled import Build, Upgraded
 from robot_retarget.solver.limits import ConstantLimits, JointLimits, Targets
 from robot_retarget.solver.native import build_key
+
+UNREACHED = 0.0125
+"""A hard edge that misses its interval by more is out of reach, over the leg [-]: by 2.8 mm on the OP3, 8 mm on the G1."""
+
+EASED = 100.0
+"""π of a hard edge of a user while footholds are placed, over the squared leg [-], as in `with_edge`: that of a soft edge of theirs."""
 
 # Which kinds a solver can honour; any other is an error, never a row that is ignored.
 
@@ -222,6 +228,28 @@ class Problem:
         d = self.values(q)
         lower, upper, priority = (side[..., : d.shape[-1]] for side in (targets.lower, targets.upper, targets.priority))
         return np.where(priority >= HARD, np.abs(d - np.clip(d, lower, upper)), 0.0).max(axis=-1, initial=0.0)
+
+    def eased(self, targets: Targets) -> Targets:
+        """Return the targets with hard edges of a user as soft ones: where they are out of reach, they would drag the feet."""
+        priority, own = targets.priority.copy(), self.by_user
+        priority[:, own] = np.minimum(priority[:, own], EASED)
+        return replace(targets, priority=priority)
+
+    def within_reach(self, q: Floats, targets: Targets) -> Targets:
+        """Return the targets with a user's edges that q (T, nq) misses moved towards their measures.
+
+        None pulls harder than a hard edge that misses by `UNREACHED`.
+        """
+        own, lower, upper = self.by_user, targets.lower.copy(), targets.upper.copy()
+        d, most = self.values(q)[:, own], UNREACHED * self.leg * HARD / np.maximum(targets.priority[:, own], 1.0)
+        lower[:, own], upper[:, own] = np.minimum(lower[:, own], d + most), np.maximum(upper[:, own], d - most)
+        return replace(targets, lower=lower, upper=upper)
+
+    @cached_property
+    def by_user(self) -> Ints:
+        """The edges that a user added among the symbolic costs."""
+        costs = [track for track in frame_costs(self.tracks) if track.kind.by_user]
+        return np.concatenate([np.zeros(0, int), *(np.r_[self.columns[track.name]] for track in costs)]).astype(int)
 
     def values(self, q: Floats) -> Floats:
         """Return the measures (…, E) of the symbolic costs of one frame, which are the first edges."""

@@ -1,5 +1,6 @@
 """The quadratic model of a frame's cost around a configuration, and the rows that bound a step from it."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
@@ -137,6 +138,8 @@ class CostModel:
 
     def __init__(self, problem: Problem, options: SolveOptions):
         self.problem, self.robot, self.leg, self.options = problem, problem.robot, problem.leg, options
+        self.work: Counter[str] = Counter()
+        """Frames that were linearised, and those whose links were measured."""
         numeric = [NumericTrack(problem, t, options) for t in problem.tracks if t.kind.form is Form.NUMERIC]
         self.numeric = [each for each in numeric if each.track.role is Role.COST]
         self.surfaces = [each for each in numeric if each.track.role is Role.INEQUALITY]
@@ -153,6 +156,7 @@ class CostModel:
             between: per frame, further configurations whose links have rows.
             known: distances of links measured nearby; within `SolveOptions.distance_cache_radius` they are extrapolated along their slopes.
         """
+        self.work["linearised"] += len(q)
         total, gradient, normal = self._costs(q, targets)
         slope, deficit = self.problem.inequalities.rows(q, targets)
         (count, nv), hard = gradient.shape, deficit.shape[1]
@@ -187,11 +191,14 @@ class CostModel:
             near = NearLinks.measured(q, self.measured(q, targets), self.most)
             return near, near.deficit.copy()
         moved = difference(self.robot, known.qpos, q)
-        stale = np.flatnonzero(np.abs(moved).max(axis=1) >= self.options.distance_cache_radius)
+        deficit = known.deficit - np.einsum("tcv,tv->tc", known.slope, moved)
+        touching = deficit.max(axis=1, initial=-np.inf) > 0.0
+        radius = np.where(touching, self.options.touching_cache_radius, self.options.distance_cache_radius)
+        stale = np.flatnonzero(np.abs(moved).max(axis=1) >= radius)
         if self.surfaces and stale.size:
             known.put(stale, q[stale], self.measured(q[stale], targets.at(stale)))
-            moved[stale] = 0.0
-        return known, known.deficit - np.einsum("tcv,tv->tc", known.slope, moved)
+            deficit[stale] = known.deficit[stale]
+        return known, deficit
 
     def cost(self, q: Floats, targets: Targets) -> float:
         """The minimised cost of a frame at a configuration."""
@@ -234,6 +241,7 @@ class CostModel:
 
     def measured(self, q: Floats, targets: Targets) -> ClipRows:
         """Return all links near each other at configurations (N, nq)."""
+        self.work["measured"] += len(q)
         found = [each.near(q, targets) for each in self.surfaces]
         return ClipRows.joined(found or [ClipRows.of([None], self.robot.model.nv)])
 
@@ -280,6 +288,7 @@ class CostModel:
 
     def overlap(self, q: Floats) -> Floats:
         """Return the depths (N,) of the deepest overlaps of two links at configurations (N, nq) [m]."""
+        self.work["measured"] += len(q)
         depths = (each.track.kind.overlap(each.track, each.state(q)) for each in self.surfaces)
         return reduce(np.maximum, depths, np.zeros(len(q)))
 

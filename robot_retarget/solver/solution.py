@@ -78,6 +78,8 @@ class Solution:
     """(T,) steps of the quadratic program."""
     timings: dict[str, float] = field(default_factory=dict)
     """Seconds spent, by stage."""
+    work: Mapping[str, float] = field(default_factory=dict)
+    """Per frame, how often it was linearised and its links measured, its quadratic programs, and its share of factorised bands."""
     native: bool = False
     """Whether machine code evaluated the problem, not CasADi's virtual machine; the results are the same."""
     unmet: tuple[UnmetEdge, ...] = ()

@@ -92,6 +92,7 @@ def solution_of(
         planned: the graph before feet were freed; a freed foot is reported at the place where it would stand.
     """
     qpos, problem = np.array([pose.qpos for pose in poses]), solver.problem
+    work = {name: count / len(poses) for name, count in solver.costs.work.items()}
     trajectory = replace(trajectory_of(graph.motion, graph.robot, qpos), scene=graph.bodies)
     measured, stress = measured_by(problem, graph, qpos), stresses(solver, graph, qpos)
     unmet = unmet_edges(solver, graph, measured, qpos, renewed_tracks(solver, planned, qpos) if planned else ())
@@ -99,4 +100,4 @@ def solution_of(
     status = tuple(Status.UNREACHED if t in missed else pose.status for t, pose in enumerate(poses))
     cost = np.sum(list(stress.values()), axis=0)
     iterations = np.array([pose.iterations for pose in poses])
-    return Solution(trajectory, graph, status, cost, stress, measured, iterations, timings, problem.native, unmet)
+    return Solution(trajectory, graph, status, cost, stress, measured, iterations, timings, work, problem.native, unmet)

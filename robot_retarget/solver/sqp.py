@@ -116,7 +116,7 @@ class FrameSolver:
         """Return the poses of a descent, with closed chains."""
         base, taken = descent.base, descent.regions.taken.tolist()
         columns = descent.qpos, descent.status, base.cost.tolist(), taken, base.clearance_deficit.tolist()
-        return [self._closed(FrameSolution(*each)) for each in zip(*columns, strict=True)]
+        return [self.closed(FrameSolution(*each)) for each in zip(*columns, strict=True)]
 
     def _advance(self, descent: Descent, active: Ints) -> Ints:
         """Try a step of the active frames and accept it where the cost falls; return the frames that still move."""
@@ -172,7 +172,7 @@ class FrameSolver:
             if np.abs(found[self._dofs]).max(initial=0.0) < UNSEEN:
                 status = Status.CONVERGED
         assert model is not None
-        return self._closed(FrameSolution(q, status, model.cost, taken, model.clearance_deficit))
+        return self.closed(FrameSolution(q, status, model.cost, taken, model.clearance_deficit))
 
     def _steps(
         self, q: Floats, current: Quadratic, radius: Floats, damping: Floats, box: Box
@@ -185,6 +185,7 @@ class FrameSolver:
             *self._curvature(current.gradient, current.normal, damping[:, None]),
             *self._bounds(q, radius[:, None], box),
         )
+        self.costs.work["programs"] += len(q)
         found, kept = self.programs.solve(*program, current.rows, current.row_lower)
         return found[:, :-1], found[:, -1] / self.leg, kept
 
@@ -212,7 +213,7 @@ class FrameSolver:
             upper[..., self._root] = np.minimum(np.maximum(reach - moved, 0.0), 2 * radius)
         return lower, upper
 
-    def _closed(self, pose: FrameSolution) -> FrameSolution:
+    def closed(self, pose: FrameSolution) -> FrameSolution:
         """Return the pose with closed chains and meshed gears; small steps then stay on the same branch."""
         q, hinges = self.costs.projected(pose.qpos), self.robot.qpos_index
         if q is pose.qpos:

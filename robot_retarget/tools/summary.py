@@ -194,6 +194,7 @@ def describe_solution(solution: Solution, notes: tuple[str, ...] = ()) -> dict[s
         "largest_step_rad": round(solution.largest_step(), 3),
         "solved_per_second": round(frames / seconds, 1) if seconds else None,
         "timings_s": {k: round(v, 3) for k, v in solution.timings.items()},
+        "work": {k: round(v, 2) for k, v in solution.work.items()},
         "machine_code": solution.native,
         **describe_stress(solution),
         "unmet": [edge.sentence for edge in solution.unmet],

@@ -44,9 +44,8 @@ KINDS: dict[str, Variant] = {
 MECHANISMS: dict[str, Variant] = {
     "everything": Variant(),
     "no drawn starts": Variant(search=Search(starts=0)),
-    "no looks between frames": Variant(smoothing=Smoothing(collision_check=-1)),
     "links measured at every step": Variant(options=SolveOptions(distance_cache_radius=0.0)),
-    "half the passes": Variant(smoothing=Smoothing(passes=10)),
+    "four steps": Variant(smoothing=Smoothing(steps=4)),
 }
 """Ablation of the solver: the figures without each of its mechanisms."""
 VARIANTS = KINDS | MECHANISMS

@@ -26,7 +26,7 @@ from robot_retarget.graph.describe import MOST_FPS, RobotGraph, describe
 from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.distances import Separation
 from robot_retarget.solver import clip as clip_module
-from robot_retarget.solver import passes as passes_module
+from robot_retarget.solver import minimum as minimum_module
 from robot_retarget.solver import quadratic as quadratic_module
 from robot_retarget.solver import sqp as sqp_module
 from robot_retarget.solver.candidates import coarse_path
@@ -47,7 +47,7 @@ IK_STEPS, FIRST_STEPS, IK_TOLERANCE = 10, 60, 1e-3
 """mink's steps a frame and at the first frame, and the step [rad or m] under which it is done, as our own rule."""
 PROGRAM = "quadratic program"
 MOVES: list[tuple[object, str]] = [(sqp_module, "integrate"), (quadratic_module, "difference")]
-MOVES += [(passes_module, f) for f in ("integrate", "difference")]
+MOVES += [(minimum_module, f) for f in ("integrate", "difference")]
 Places = Mapping[str, list[tuple[object, str]]]
 PARTS: Places = {
     "kinematics and normal equations": [(Mapped, "__call__")],
@@ -94,7 +94,7 @@ class Run:
     steps: float
     """Taken a frame, in the mean; those of the coarse path not counted."""
     coarse: float = 0.0
-    """Share of the time until the passes over the clip began."""
+    """Share of the time until the steps over the clip began."""
 
     @property
     def rate(self) -> float:

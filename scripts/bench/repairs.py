@@ -17,20 +17,18 @@ import robot_retarget as rr
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import RobotGraph
-from robot_retarget.solver import passes
 from robot_retarget.solver.limits import targets_of
+from robot_retarget.solver.minimum import ClipMinimum
 from robot_retarget.solver.options import Smoothing
 from robot_retarget.solver.solve import problem_of, solve_graph
 from robot_retarget.solver.sqp import FrameSolver
 
-PLAIN, NO_LOOKS = Smoothing(), Smoothing(collision_check=-1)
-AGAIN = (passes, "_separated", lambda clip, poses, proximal: _moved_back(clip.solver, poses))
+PLAIN = Smoothing()
+NO_LOOKS = (ClipMinimum, "keep_apart", lambda minimum: False)
 BACK = (FrameSolver, "backtrack_to_clearance", lambda solver, before, pose: pose)
 CLIPS: dict[str, tuple[Smoothing, tuple[tuple[Any, str, Any], ...]]] = {
     "nothing": (PLAIN, ()),
-    "looks between frames in passes": (NO_LOOKS, ()),
-    "solving passages again": (PLAIN, (AGAIN,)),
-    "both": (NO_LOOKS, (AGAIN,)),
+    "looks between frames": (PLAIN, (NO_LOOKS,)),
     "moving back": (PLAIN, (BACK,)),
     "raising over the floor": (PLAIN, ((FrameSolver, "raised", lambda solver, pose, depth: pose),)),
     "moving drawn starts out of links": (
@@ -53,12 +51,6 @@ class Outcome(NamedTuple):
     """[rad/s³]."""
     depths: tuple[Floats, Floats, Floats]
     """Overlaps at frames (T,) and between them (T − 1,), and depths under the floor (T,) [m]."""
-
-
-def _moved_back(solver: FrameSolver, poses: list[Any]) -> list[Any]:
-    for t in range(1, len(poses)):
-        poses[t] = solver.backtrack_to_clearance(poses[t - 1].qpos, poses[t])
-    return poses
 
 
 def outcome(solver: FrameSolver, graph: RobotGraph, qpos: Floats) -> Outcome:

@@ -13,7 +13,6 @@ from robot_retarget.actuators.inertial import BodyMotion, Reading, VirtualImu, t
 from robot_retarget.actuators.map import dump_map, load_map
 from robot_retarget.base.errors import ServoError, TrajectoryError
 from robot_retarget.judge.feedback import gain_matrices, joints_of_legs, lean_over_feet, planned_air
-from robot_retarget.judge.rollout import plant_of
 from robot_retarget.trajectory import Trajectory
 
 DT = 0.008
@@ -153,7 +152,7 @@ def test_a_foot_is_planned_in_the_air_where_its_sole_is_off_the_ground() -> None
     qpos[2, robot.root_address + 2] += 0.05
     plan = Trajectory(qpos, 1.0, robot.joint_names, robot.name)
     goals = Goals(qpos[:, robot.qpos_index], 1.0, 0.0, 0.0)
-    assert planned_air(plant_of(robot, "free"), plan, goals).tolist() == [[0, 0], [1, 0], [1, 1]]
+    assert planned_air(robot, plan, goals).tolist() == [[0, 0], [1, 0], [1, 1]]
 
 
 def test_the_reference_is_that_of_the_row_the_reading_is_from() -> None:

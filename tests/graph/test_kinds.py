@@ -158,7 +158,7 @@ def test_a_kind_of_one_small_class_is_shown_weighed_and_solved_with() -> None:
     assert "1 toy" in repr(toy) and list(toy.between("l_hand", "head")) == ["posture", "touch", "toy"]
     levels = []
     for graph in (plain, toy.with_priority("toy", 0.1), toy):
-        x = [keypoints(graph, q) for q in solve_graph(graph, smoothing=Smoothing(passes=4)).trajectory.qpos]
+        x = [keypoints(graph, q) for q in solve_graph(graph, smoothing=Smoothing(steps=4)).trajectory.qpos]
         levels.append(max(abs(at["l_hand"][2] - at["head"][2]) for at in x))
     assert levels[0] > 0.1 and levels[0] > levels[1] > levels[2] and levels[2] < 0.01
 

@@ -15,12 +15,12 @@ from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.distances import Separation
 from robot_retarget.robot.kinematics import carrying, difference, integrate
-from robot_retarget.solver import passes
+from robot_retarget.solver import minimum
 from robot_retarget.solver.descent import FrameSolution
 from robot_retarget.solver.limits import targets_of
+from robot_retarget.solver.minimum import ClipMinimum, clip_of
 from robot_retarget.solver.near_links import foremost, tightest_rows
 from robot_retarget.solver.options import Smoothing
-from robot_retarget.solver.passes import Passes, clip_of
 from robot_retarget.solver.pipeline import retarget
 from robot_retarget.solver.problem import build_problem
 from robot_retarget.solver.solve import solve_graph
@@ -133,9 +133,9 @@ def test_a_robot_whose_links_were_held_apart_catches_up_within_its_joint_speeds(
     start[:, robot.qpos_index[robot.joint_names.index("head_pan")]] = np.interp(
         np.arange(len(graph)), [3, 15], [-1.4, 1.4]
     )
-    clip = clip_of(solver, graph.tracks, Smoothing(passes=0, extra=0), 15.0)
-    monkeypatch.setattr(passes, "ROUNDS", 0)
-    found = Passes(clip, start)
+    clip = clip_of(solver, graph.tracks, Smoothing(steps=0), 15.0)
+    monkeypatch.setattr(minimum, "ROUNDS", 0)
+    found = ClipMinimum(clip, start)
     given, poses = found.qpos[:, robot.qpos_index].copy(), found.finish(Count(None, 1))
     turned = np.array([pose.qpos for pose in poses])[:, robot.qpos_index]
     assert any(pose.status is Status.BLOCKED for pose in poses) and np.abs(turned - given).max() > 0.1

@@ -205,7 +205,7 @@ def plain_stream() -> Floats:
 @pytest.mark.parametrize("kind", COSTS, ids=named)
 def test_a_cost_follows_its_own_targets_in_clip_and_stream(kind: Kind) -> None:
     graph = described(kind)
-    found = solve_graph(graph, smoothing=Smoothing(passes=8))
+    found = solve_graph(graph, smoothing=Smoothing(steps=8))
     off, plainly = (misses(graph, kind, each.trajectory.qpos) for each in (found, plain()))
     assert off.max() < 0.03 < 0.1 < plainly.max()
     assert np.allclose(found.cost, sum(found.stress.values())) and found.stress[kind.name].sum() > 0
@@ -216,17 +216,18 @@ def test_a_cost_follows_its_own_targets_in_clip_and_stream(kind: Kind) -> None:
 def test_a_limit_holds_at_every_frame_by_its_own_interval_in_clip_and_stream(kind: Kind) -> None:
     graph = described(kind)
     assert misses(graph, kind, plain().trajectory.qpos).max() > 0.1
-    found = solve_graph(graph, smoothing=Smoothing(passes=8))
+    found = solve_graph(graph, smoothing=Smoothing(steps=8))
     assert misses(graph, kind, found.trajectory.qpos).max() < 1e-3 and not found.unmet
     assert misses(graph, kind, streamed(kind)).max() < 1e-3
 
 
 def test_a_limit_is_absent_where_its_priority_is_zero() -> None:
+    """But for the rounding of sums with more terms, which the steps of a clip amplify."""
     graph = described(Below(), Narrow(), Slow(), Bent())
     graph = replace(
         graph, tracks=tuple(t if t.name not in map(named, LIMITS) else t.weighed(0.0) for t in graph.tracks)
     )
-    assert np.abs(solve_graph(graph).trajectory.qpos - plain().trajectory.qpos).max() < 1e-9
+    assert np.abs(solve_graph(graph).trajectory.qpos - plain().trajectory.qpos).max() < 1e-6
 
 
 def test_every_role_and_form_works_in_balance_and_touch_up() -> None:
@@ -279,7 +280,7 @@ def test_margins_of_surfaces_are_those_of_every_frame_and_kind() -> None:
     close = solve_graph(plainly).trajectory.qpos
     assert (margin - apart(close)).max() > 0.01 and (margin - apart(close))[0] < 0
     for graph in (wide, bounded):
-        found = solve_graph(graph, smoothing=Smoothing(passes=4), start=close)
+        found = solve_graph(graph, smoothing=Smoothing(steps=4), start=close)
         assert (margin - apart(found.trajectory.qpos)).max() < 2e-3
         assert set(graph.kinds) - {"separation"} <= {*found.stress, "floor", "range", "speed"}
     assert (margin - apart(streamed(Wide(), motion=lowered()))).max() < 2e-3

@@ -84,7 +84,7 @@ def test_the_cost_of_every_frame_is_the_sum_of_the_stresses_of_all_kinds() -> No
 @needs_shared
 def test_so_it_is_where_joints_are_coupled_and_links_too_near() -> None:
     graph = describe(read_motion(SAMPLES / "clap.bvh").frames(60, 90), load_robot(TODDLER), fps=15)
-    solution = solve_graph(graph, smoothing=Smoothing(passes=2))
+    solution = solve_graph(graph, smoothing=Smoothing(steps=2, rounds=()))
     check_sum(solution)
     assert (np.asarray(solution.stress.get("coupling", 0.0)) >= 0).all() and (solution.stress["separation"] >= 0).all()
 

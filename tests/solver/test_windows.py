@@ -14,8 +14,8 @@ from robot_retarget.graph.footholds import foothold_corners
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot, world_points
 from robot_retarget.robot.support import sole_corners
+from robot_retarget.solver.minimum import ClipMinimum, clip_of
 from robot_retarget.solver.options import Smoothing, Windows
-from robot_retarget.solver.passes import Passes, clip_of
 from robot_retarget.solver.pipeline import Result, retarget
 from robot_retarget.solver.smooth import smooth_offsets
 from robot_retarget.solver.solve import problem_of
@@ -72,8 +72,8 @@ def test_known_frames_stay_to_the_last_bit_though_they_miss_a_hard_edge_and_over
     while solver.depth(start[0]) < 0.01:
         start[:, arms] = draw.uniform(-1.5, 1.5, len(arms))
     start[0] = robot.standing()  # no joint turns so fast from here, and the way back is clear
-    clip = clip_of(solver, graph.tracks, Smoothing(passes=2, extra=0), graph.fps, fixed=4)
-    qpos = np.array([pose.qpos for pose in Passes(clip, start).finish(Count(None, 1))])
+    clip = clip_of(solver, graph.tracks, Smoothing(steps=2), graph.fps, fixed=4)
+    qpos = np.array([pose.qpos for pose in ClipMinimum(clip, start).finish(Count(None, 1))])
     np.testing.assert_array_equal(qpos[:4], start[:4])
     assert (np.abs(qpos - start)[5:].max(axis=1) > 1e-3).all()  # the first may go back to the one before
 

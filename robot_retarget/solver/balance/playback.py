@@ -28,10 +28,11 @@ from robot_retarget.solver.balance.plan import (
     between,
     plan_playback,
 )
+from robot_retarget.solver.clip import EXPECTED
 from robot_retarget.solver.descent import FrameSolution
 from robot_retarget.solver.limits import targets_of
+from robot_retarget.solver.minimum import ClipMinimum, clip_of
 from robot_retarget.solver.options import Smoothing
-from robot_retarget.solver.passes import Passes, clip_of
 from robot_retarget.solver.smooth import within_speeds
 from robot_retarget.trajectory import Trajectory
 
@@ -248,7 +249,7 @@ class Balanced:
 
 def expected_steps(graph: RobotGraph) -> int:
     """Estimate the progress steps of `in_balance`: the playback takes about twice as long as the clip."""
-    return round(2 * EXPECTED_ROUNDS * len(graph) * Smoothing().passes)
+    return round(2 * EXPECTED_ROUNDS * len(graph) * EXPECTED)
 
 
 @dataclass(frozen=True, eq=False)
@@ -424,8 +425,8 @@ def played(ik: BalancedIk, clip: PlaybackClip, plan: PlaybackPlan, count: Count)
     """
     timeline, tracks = plan.timeline, _tracks(ik, clip, plan)
     solver_clip = clip_of(ik.solver, tracks, Smoothing(), clip.fps)
-    count.expect(round(EXPECTED_ROUNDS * len(plan.targets) * Smoothing().passes))
-    poses = Passes(solver_clip, np.array(plan.targets)).finish(count)
+    count.expect(round(EXPECTED_ROUNDS * len(plan.targets) * EXPECTED))
+    poses = ClipMinimum(solver_clip, np.array(plan.targets)).finish(count)
     pressed = tread(ik.robot, np.array([pose.qpos for pose in poses]), timeline.fps, QUICK, plan.planes)
     standing = [spots[down].reshape(-1, 3) for spots, down in zip(plan.places, timeline.planted, strict=True)]
     how, pushed = (plan.places, plan.zmp, plan.slowdown, plan.stride), pressed.friction(standing)

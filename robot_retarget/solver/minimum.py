@@ -1,0 +1,365 @@
+"""The minimum of a whole clip: Gauss–Newton steps that move all frames at once.
+
+    minimise  Σ_t f_t(q_t) + Σ κ ‖Δ²q − b‖² + Σ λ ‖Δ³q‖²   within ranges and joint speeds, links apart, soles over the floor
+
+Every step linearises all frames and minimises the whole clip's convex model (`clip_step`). Damping belongs to
+frames: one difficult frame slows down its neighbours only. Inequalities are penalties on the way; the end meets them exactly.
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robot_retarget.base.arrays import Bools, Floats, Ints, smoothstep
+from robot_retarget.base.progress import Count
+from robot_retarget.graph.track import SECOND_DIFFERENCE, THIRD_DIFFERENCE, Status, Track
+from robot_retarget.robot.kinematics import SweptConfiguration, difference, integrate, swept_configurations
+from robot_retarget.solver.banded import BandedSystem, DifferenceCosts, FrameCoupling
+from robot_retarget.solver.clip_step import ABSENT, PRICE, Room, StepProgram, StepRows
+from robot_retarget.solver.descent import FrameSolution
+from robot_retarget.solver.limits import JointBounds, Targets, targets_of
+from robot_retarget.solver.options import Smoothing
+from robot_retarget.solver.quadratic import Quadratic, diagonal
+from robot_retarget.solver.smooth import within_speeds
+from robot_retarget.solver.sqp import FrameSolver
+
+# In brackets: the change of the cost [%] with half and with double of a number, the range over two clips on the G1 and two on the OP3.
+
+ROUNDS = 3
+"""Rounds in which links that pass through each other between frames are kept apart there, measured on clips that need them: links
+that clear one may meet another ..."""
+APART_STEPS = 4
+"""... and steps of each [-]; half and double change the cost of four claps on the OP3 by less than 0.1 %."""
+STARTING = 0.3
+"""Gap with which a step's program starts, over the cost: programs that start near their end move in tiny steps [-] (-0.1 … 0.1;
+0) ..."""
+GAINED = 10.0
+"""... and over what the step before gained, if that is more [-] (-0.1 … 0.3; 0 … 0.1)."""
+FLOOR_PRICE = 0.1
+"""Price of a sole under the floor over that of links in each other [-]: the root is raised at the end (-0.1 … 0.4; -0.1 … 0.1)."""
+TOUCHING_TRUST = 0.1
+"""Trust region of a frame whose links lack their margin [rad]; twice this for the root [rad, m]: a hand of .05 m at the end of an arm of
+.5 m does not pass another one in a step. With .2, claps end 10 % dearer and on either side of their mirror image."""
+LEAST = 1e-6
+"""Least damping [1/rad²], and the least curvature of a frame over the cost of the clip: both prevent a division by 0."""
+EASIER = 4.0
+"""Factor by which a frame's damping grows or shrinks in a step at most [-]; [Nielsen1999] has 3 for the latter ..."""
+STIFFER = 0.1
+"""... and what it gains in addition where it grows [1/rad²] (-0.1 … 0.1; 0 … 0.2)."""
+SHORTER = 0.4
+"""Share of a step that is kept where it raised the cost [-] (0 … 0.1; 0 … 0.3) ..."""
+BESIDE = 0.2
+"""... and time to the frames that keep all of it [s] (-0.1 … 0.4; -0.1 … 0)."""
+
+
+@dataclass(frozen=True, eq=False)
+class ClipProblem:
+    """The targets of consecutive frames of a graph; the first `fixed` of them are known."""
+
+    solver: FrameSolver
+    all_targets: Targets
+    smoothing: Smoothing
+    differences: tuple[DifferenceCosts, ...]
+    bounds: JointBounds
+    """(T, n) of the hinges."""
+    fps: float
+    fixed: int = 0
+
+    def __len__(self) -> int:
+        return len(self.all_targets)
+
+    @property
+    def reach(self) -> Floats:
+        """(T, n) how far the hinges turn from the frame before [rad]."""
+        return self.bounds.speed / self.fps
+
+    def limited(self, qpos: Floats) -> Floats:
+        """Return configurations (T, nq) with their hinges within ranges and joint speeds; fixed frames stay."""
+        found, hinges = qpos.copy(), self.solver.robot.qpos_index
+        angles = found[:, hinges].clip(self.bounds.lower, self.bounds.upper)
+        angles[: self.fixed] = found[: self.fixed, hinges]
+        found[:, hinges] = within_speeds(angles, self.reach[1:], self.fixed)
+        return found
+
+
+def clip_of(
+    solver: FrameSolver, tracks: Sequence[Track], smoothing: Smoothing, fps: float, fixed: int = 0
+) -> ClipProblem:
+    """Assemble a clip from tracks.
+
+    Args:
+        solver: measures single frames.
+        tracks: targets and temporal costs of T frames.
+        smoothing: options of the steps.
+        fps: frames per second [1/s].
+        fixed: number of first frames that are known.
+    """
+    targets, limits = targets_of(tracks), solver.problem.limits
+    orders = {2: SECOND_DIFFERENCE, 3: THIRD_DIFFERENCE}
+    differences = tuple(
+        DifferenceCosts.of(k, limits.differences(targets, stencil), len(targets)) for k, stencil in orders.items()
+    )
+    return ClipProblem(solver, targets, smoothing, differences, limits.bounds(targets), fps, fixed)
+
+
+@dataclass(frozen=True, eq=False)
+class ClipModel:
+    """The clip linearised at a path."""
+
+    cost: Floats
+    """(M,) of the moving frames: their own, the differences about them, and penalties."""
+    own: Floats
+    """(M,) those of the frames without differences and joint speeds."""
+    gradient: Floats
+    """Half of that of the costs without penalties (M, nv)."""
+    frames: Quadratic
+    """The models of single frames."""
+    rows: StepRows
+    changes: Floats
+    """(M, n) of the hinges from the frame before [rad]."""
+
+    def surprise(self, step: Floats, own: Floats) -> Floats:
+        """Return (M,) by how much the costs of frames after a step (M, nv) exceed those of the model, over the model's curvature."""
+        frames, rows = self.frames, self.rows
+        bent = ((frames.normal @ step[..., None])[..., 0] * step).sum(axis=1)
+        pressed = rows.penalties(step) - rows.penalties()
+        model = self.own + 2 * (frames.gradient * step).sum(axis=1) + bent + pressed
+        return (own - model) / np.maximum(bent + np.abs(pressed), LEAST * self.typical)
+
+    @property
+    def total(self) -> float:
+        """The cost of the clip."""
+        return float(self.cost.sum())
+
+    @property
+    def typical(self) -> float:
+        """The cost of a clip of median frames: frames with hard edges out of reach do not count for more."""
+        return float(np.median(self.cost)) * len(self.cost)
+
+
+class ClipMinimum:
+    """Steps towards the minimum of a clip."""
+
+    qpos: Floats
+    """(T, nq) the path."""
+    clip: ClipProblem
+    taken: int
+
+    def __init__(self, clip: ClipProblem, start: Floats):
+        """Begin at configurations (T, nq), brought within ranges and joint speeds; the first `fixed` stay unchanged."""
+        self.clip, self.qpos, count = clip, clip.limited(start), len(clip) - clip.fixed
+        self.damping = np.full(count, clip.solver.options.damping)
+        self.moved = np.full(count, np.inf)
+        self.through: frozenset[int] = frozenset()
+        """The frames after which links would pass through each other."""
+        self.taken = 0
+        self._couple()
+        self.model = self._linearised(self.qpos, None)
+        self.gained = self.model.total
+
+    def renew(self, clip: ClipProblem) -> None:
+        """Go on with other targets, from the present path."""
+        changed = clip.all_targets.differ(self.clip.all_targets)[clip.fixed :]
+        self.clip = clip
+        self._couple()
+        frames = np.flatnonzero(changed)
+        if frames.size:
+            own = self.model.frames
+            found = self._frames(self.qpos, frames, own)
+            own.put(frames, found, np.ones(len(frames), dtype=bool))
+        before = self.model.total
+        self.model = self._assembled(self.qpos, self.model.frames)
+        self.gained = max(self.gained, self.model.total - before)
+
+    def take(self, steps: int, count: Count) -> bool:
+        """Take a number of steps at most; return whether the minimum is reached."""
+        lowered = True
+        for _ in range(steps):
+            step, promised = self._minimised()
+            if promised < self._least:
+                return True
+            before, lowered = lowered, self._accept(step)
+            if not (before or lowered):
+                return True
+            self.taken += 1
+            count.advance(len(self.damping))
+        return False
+
+    @property
+    def _least(self) -> float:
+        """The gain of a step that counts."""
+        return self.clip.smoothing.gain * self.model.typical
+
+    def _couple(self) -> None:
+        clip, directions = self.clip, self.clip.solver.robot.model.nv
+        self.coupling = FrameCoupling(clip.differences, len(clip), directions).after(clip.fixed)
+        self._system = BandedSystem(len(clip) - clip.fixed, directions, len(self.coupling.diagonals) - 1)
+
+    def _accept(self, step: Floats) -> bool:
+        """Take a step (M, nv) if it lowers the cost, shortened around frames whose cost rises; return whether it is taken."""
+        clip, model, robot = self.clip, self.model, self.clip.solver.robot
+        rose = np.zeros(len(step), dtype=bool)
+        for _ in range(clip.smoothing.tries):
+            path = self.qpos.copy()
+            path[clip.fixed :] = integrate(robot, path[clip.fixed :], step)
+            trial = self._linearised(path, model)
+            rise = trial.cost - model.cost
+            if trial.total < model.total:
+                self._adapt(np.where(rose, np.inf, model.surprise(step, trial.own)))
+                self.gained, self.qpos, self.model = model.total - trial.total, path, trial
+                self.moved = np.abs(step).max(axis=1)
+                return True
+            worst = (rise > 0) & (rise >= np.maximum(rise, 0.0).mean())
+            if not worst.any():
+                break
+            rose |= worst
+            step = step * _shares(worst, clip.fps)[:, None]
+        self._adapt(np.where(rose, np.inf, 0.5))
+        return False
+
+    def _adapt(self, surprise: Floats) -> None:
+        """Damp the next step at frames whose costs differ from the model's, and free the others [Nielsen1999]."""
+        factor = np.clip(1 - (1 - 2 * surprise) ** 3, 1 / EASIER, EASIER)
+        self.damping = np.maximum(factor * self.damping + STIFFER * np.maximum(factor - 1, 0), LEAST)
+
+    def _minimised(self) -> tuple[Floats, float]:
+        """Return the step (M, nv) that minimises the model within trust regions, and what it gains."""
+        model = self.model
+        normal = np.array(model.frames.normal, order="C")
+        diagonal(normal)[:] += self.damping[:, None]
+        program = StepProgram(model.gradient, normal, self.coupling, model.rows, self._room(model))
+        gap, least = max(STARTING * model.typical, GAINED * self.gained), self._least
+        step, gained, factors = program.minimised(self._system, gap, least)
+        self.clip.solver.costs.work["factorised"] += factors * len(step)
+        return step, gained
+
+    def _room(self, model: ClipModel) -> Room:
+        clip, robot, first = self.clip, self.clip.solver.robot, self.clip.fixed
+        overlapping = (model.rows.links & (model.rows.lower > 0.0)).any(axis=1, keepdims=True)
+        radius = np.where(overlapping, TOUCHING_TRUST, clip.solver.options.trust_region)
+        upper = np.tile(2 * radius, robot.model.nv)
+        lower, angles = -upper, self.qpos[first:, robot.qpos_index]
+        lower[:, robot.dof_index] = (clip.bounds.lower[first:] - angles).clip(-radius, radius)
+        upper[:, robot.dof_index] = (clip.bounds.upper[first:] - angles).clip(-radius, radius)
+        reach = clip.reach[first:].copy()
+        if not first:
+            reach[0] = ABSENT
+        return Room(lower, upper, -reach - model.changes, reach - model.changes, robot.dof_index)
+
+    def _linearised(self, path: Floats, known: ClipModel | None) -> ClipModel:
+        """Return the model at a path (T, nq); distances of links measured nearby are extrapolated."""
+        every = np.arange(len(self.damping))
+        return self._assembled(path, self._frames(path, every, known and known.frames))
+
+    def _frames(self, path: Floats, frames: Ints, known: Quadratic | None) -> Quadratic:
+        """Return the models of some of the moving frames."""
+        clip, own = self.clip, self.clip.fixed + frames
+        ways = [_between(clip, path, t, self.through) for t in own.tolist()] if self.through else None
+        near = known and known.near.of(frames)
+        return clip.solver.costs.linearize(path[own], clip.all_targets.at(own), ways, near)
+
+    def _assembled(self, path: Floats, frames: Quadratic) -> ClipModel:
+        """Add differences and penalties to the models of single frames."""
+        clip, solver, first = self.clip, self.clip.solver, self.clip.fixed
+        speed = difference(solver.robot, path[:-1], path[1:])
+        cost, gradient = np.zeros(len(clip)), np.zeros((len(clip), solver.robot.model.nv))
+        for each in clip.differences:
+            each.added(speed, cost, gradient)
+        changes = np.zeros((len(clip), len(solver.hinges)))
+        changes[1:] = speed[:, solver.hinges]
+        rows = self._rows(frames)
+        beyond = np.maximum(np.abs(changes) - clip.reach, 0.0)[first:]
+        own = frames.cost - solver.options.overlap_cost * frames.clearance_deficit**2 + rows.penalties()
+        total = own + cost[first:] + PRICE * (beyond**2).sum(axis=1)
+        return ClipModel(total, own, gradient[first:] + frames.gradient, frames, rows, changes[first:])
+
+    def _rows(self, frames: Quadratic) -> StepRows:
+        """Return the rows of links and soles."""
+        solver = self.clip.solver
+        hard = len(solver.problem.inequalities)
+        lower = np.maximum(frames.row_lower, -ABSENT)
+        lower[:, hard:] -= solver.options.tolerated * solver.leg
+        lower[lower < -solver.options.reach * solver.leg] = -ABSENT
+        most = max(int((lower > -ABSENT).sum(axis=1).max(initial=0)), 1)
+        place = np.arange(len(lower))[:, None], np.argsort(-lower, axis=1, kind="stable")[:, :most]
+        shared = solver.options.overlap_cost / solver.leg**2
+        price = np.full(lower.shape, shared)
+        price[:, :hard] *= FLOOR_PRICE
+        return StepRows(frames.rows[place][..., :-1], lower[place], price[place], place[1] >= hard, shared)
+
+    def finish(self, count: Count) -> list[FrameSolution]:
+        """Take steps to the minimum; return the frames within all limits: links apart between frames too, soles over the floor."""
+        most = self.clip.smoothing.steps
+        ended = self.take(most, count)
+        for _ in range(ROUNDS):
+            if not self.keep_apart():
+                break
+            ended = self.take(APART_STEPS, count)
+        return self._closed(ended)
+
+    def keep_apart(self) -> bool:
+        """Keep links apart between frames where they pass through each other; return whether more of them do."""
+        through = self.through | _interpenetrating(self.clip, self.qpos)
+        if through == self.through:
+            return False
+        self.through = through
+        self.model = self._linearised(self.qpos, None)
+        return True
+
+    def _closed(self, ended: bool) -> list[FrameSolution]:
+        """Return the frames with closed chains, within all limits."""
+        clip, solver, base = self.clip, self.clip.solver, self.model.frames
+        converged = (self.moved < clip.smoothing.converged) | ended
+        poses = [FrameSolution(q, Status.CONVERGED, 0.0, 0) for q in clip.limited(self.qpos)]
+        for t, cost, done, lacking in zip(
+            range(clip.fixed, len(clip)), base.cost, converged, base.clearance_deficit, strict=True
+        ):
+            status = Status.CONVERGED if done else Status.OUT_OF_ITERATIONS
+            pose = FrameSolution(poses[t].qpos, status, float(cost), self.taken, float(lacking))
+            poses[t] = solver.closed(pose)
+        poses = _caught_up(clip, poses)
+        depth = solver.depths_under_floor(_qpos(poses), clip.all_targets)
+        depth[: clip.fixed] = 0.0
+        return [solver.raised(pose, float(deep)) for pose, deep in zip(poses, depth, strict=True)]
+
+
+def _shares(chosen: Bools, fps: float) -> Floats:
+    """Return the share of a step that each frame takes: `SHORTER` at chosen frames, and all of it `BESIDE` away."""
+    frames = np.arange(len(chosen))
+    away = np.abs(frames[:, None] - np.flatnonzero(chosen)).min(axis=1)
+    return SHORTER + (1 - SHORTER) * smoothstep(np.minimum(away / (BESIDE * fps), 1.0))
+
+
+def _qpos(poses: Sequence[FrameSolution]) -> Floats:
+    return np.array([pose.qpos for pose in poses])
+
+
+def _between(clip: ClipProblem, qpos: Floats, t: int, through: Collection[int]) -> tuple[SweptConfiguration, ...]:
+    """Where links are kept apart between a frame and its neighbours: after the frames in `through`."""
+    neighbours = (qpos[k] for k in (t - 1, t + 1) if min(k, t) in through)
+    return tuple(way for q in neighbours for way in swept_configurations(clip.solver.robot, q, qpos[t]))
+
+
+def _interpenetrating(clip: ClipProblem, qpos: Floats) -> frozenset[int]:
+    """Return the frames t with links inside each other between t and t + 1."""
+    first, solver = max(clip.fixed - 1, 0), clip.solver
+    asked = np.arange(first, len(qpos) - 1)
+    deep = solver.depths_between(qpos[asked], qpos[asked + 1]) > solver.options.overlap
+    return frozenset(asked[deep].tolist())
+
+
+def _caught_up(clip: ClipProblem, poses: list[FrameSolution]) -> list[FrameSolution]:
+    """Return the poses with overlapping frames moved back towards the frame before, and the frames after them within the joint speeds."""
+    solver, robot, reach, behind = clip.solver, clip.solver.robot, clip.reach, False
+    overlapping = solver.costs.overlap(_qpos(poses)) > solver.options.overlap
+    for t in range(max(clip.fixed, 1), len(poses)):
+        before, late = poses[t - 1].qpos, poses[t]
+        way = difference(robot, before, late.qpos)
+        share = float((reach[t] / np.maximum(np.abs(way[robot.dof_index]), reach[t])).min())
+        behind = overlapping[t] or (behind and share < 1 - 1e-9)
+        if behind:
+            late = replace(late, qpos=integrate(robot, before, share * way))
+            clear = solver.backtrack_to_clearance(before, late)
+            poses[t] = late if (clear.qpos == before).all() and not overlapping[t] else clear
+    return poses
