@@ -8,12 +8,10 @@ highest difference: its half-bandwidth is the order times the number of directio
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from itertools import combinations_with_replacement
 
 import numpy as np
 from scipy.linalg import get_lapack_funcs
-from threadpoolctl import ThreadpoolController
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.solver.limits import Differences
@@ -108,17 +106,10 @@ class BandedSystem:
         for k, own in enumerate(diagonals, 1):
             columns[: len(own), :, k * self.directions] += own
         band = columns.reshape(-1, self.below + 1).T
-        with _libraries().limit(limits=1, user_api="blas"):
-            self._factor, info = pbtrf(band, lower=1, overwrite_ab=1)
+        self._factor, info = pbtrf(band, lower=1, overwrite_ab=1)
         if info:
             raise np.linalg.LinAlgError(f"the matrix of a clip is not positive definite (row {info})")
 
     def solve(self, right: Floats) -> Floats:
         """Return the solution (T, nv) for a right side (T, nv)."""
         return pbtrs(self._factor, right.reshape(-1), lower=1)[0].reshape(right.shape)
-
-
-@cache
-def _libraries() -> ThreadpoolController:
-    """Return the loaded BLAS: its threads take 70 times as long as one for blocks of some hundred columns, on two busy cores."""
-    return ThreadpoolController()

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from threadpoolctl import ThreadpoolController
 
 from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import describe
@@ -17,6 +18,15 @@ def test_threads_change_no_bit_of_a_clip() -> None:
     alone, *shared = (solve(graph, options=SolveOptions(threads=n)).trajectory.qpos for n in (1, 2, 3))
     for qpos in shared:
         np.testing.assert_array_equal(alone, qpos)
+
+
+def test_threads_of_linear_algebra_change_no_bit_of_a_clip() -> None:
+    graph = describe(read_motion(SAMPLES / "clap.bvh").frames(0, 40), load_robot("op3")).unbalanced()
+    found, libraries = [], ThreadpoolController()
+    for threads in (1, 2):
+        with libraries.limit(limits=threads, user_api="blas"):
+            found.append(solve(graph).trajectory.qpos)
+    np.testing.assert_array_equal(*found)
 
 
 @pytest.mark.parametrize(
