@@ -1,4 +1,4 @@
-"""The whole clip at once: a coarse path through the candidates, then rounds of passes over windows; targets follow the path."""
+"""The whole clip at once: a coarse path through the candidates, then rounds of steps over windows; targets follow the path."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -68,9 +68,10 @@ def _window_poses(
     problem, tracks = solver.problem, renewed_tracks(solver, graph, coarse, fixed)
     clip = clip_of(solver, tracks, smoothing, graph.fps, fixed)
     minimum = ClipMinimum(replace(clip, all_targets=problem.eased(clip.all_targets)), coarse)
-    for left, steps in reversed([*enumerate(reversed(smoothing.rounds))]):
+    for number, steps in enumerate(smoothing.rounds, 1):
         minimum.take(steps, count)
-        tracks = (renewed_tracks if left else _reachable_tracks)(solver, graph, minimum.qpos, fixed)
+        placed_tracks = _reachable_tracks if number == len(smoothing.rounds) else renewed_tracks
+        tracks = placed_tracks(solver, graph, minimum.qpos, fixed)
         clip = clip_of(solver, tracks, smoothing, graph.fps, fixed)
         minimum.renew(replace(clip, all_targets=problem.eased(clip.all_targets)))
     if problem.by_user.size:

@@ -47,7 +47,7 @@ class FrameWindow:
 class SolveOptions:
     """Options of the sequential quadratic program of one frame. Lengths are shares of a leg.
 
-    In brackets: the cost of 2 s of a dance on the G1 with half and with double, measured with three rounds of twelve passes; 76.34
+    In brackets: the cost of 2 s of a dance on the G1 with half and with double, measured with the passes that solved clips before 0.3.0; 76.34
     with these options.
     """
 
@@ -84,14 +84,14 @@ class SolveOptions:
     floor_tolerance: float = 1e-4
     """A start that violates an inequality by more takes its first steps at any cost [m] (76.34, 76.34)."""
     threads: int = 1
-    """Threads that share the frames of a pass; the result does not depend on their number."""
+    """Threads that share the frames of a clip; the result does not depend on their number."""
 
 
 @dataclass(frozen=True)
 class Search:
     """Options of the search for candidate poses over a clip; dynamic programming chooses a path among them.
 
-    In brackets: the cost of 2 s of a dance on the G1 with half and with double, measured with three rounds of twelve passes; 76.34
+    In brackets: the cost of 2 s of a dance on the G1 with half and with double, measured with the passes that solved clips before 0.3.0; 76.34
     with these options.
     """
 

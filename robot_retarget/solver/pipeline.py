@@ -155,7 +155,7 @@ def solve(
         graph: of a motion on a robot.
         options: tolerances and margins of a frame.
         search: starts, and the moments at which poses are sought.
-        smoothing: passes over the whole clip.
+        smoothing: steps over the whole clip.
         legs: with balance, `follow` tracks the human's legs and `stand` keeps both feet in place. `auto` follows if the result is
             like the human's motion (`scores.likeness.Alike`), and otherwise stands and adds a note.
         balance: `static` keeps the centre of mass over the planted soles, `dynamic` the zero moment point. Both begin and end in

@@ -41,7 +41,7 @@ def solve_graph(
         problem: the result of `problem_of`, if it exists already.
         smoothing: options of the whole clip.
         progress: receives the progress (`progress.Progress`).
-        start: (T, nq) configurations that the passes start from; by default those of the search.
+        start: (T, nq) configurations that the steps start from; by default those of the search.
     """
     began = time.perf_counter()
     problem = problem or problem_of(graph)
