@@ -224,7 +224,7 @@ def contact_schedule(
 
 
 def settled(contacts: ContactRecord, fps: float) -> ContactRecord:
-    """Return contacts in which no foot stands or lets go too briefly to be true; what stands is down."""
+    """Return contacts without stances and lifts that are too brief to be true; a foot that stands is down."""
     stands = without_flicker(contacts.stands, fps)
     return replace(contacts, down=contacts.down | stands.any(axis=2), stands=stands)
 

@@ -62,7 +62,7 @@ def held(graph: RobotGraph, problem: Problem, qpos: Floats, free: Bools) -> Robo
     Where not all are free, the root is held with the other hinges, and no hard edge holds the foot of a leg that moves.
 
     Args:
-        graph: with `with_root`; the edges of the user stay as they are.
+        graph: with `with_root`; the edges of the user stay unchanged.
         problem: of the graph.
         qpos: (T, nq) configurations.
         free: (n,) the hinges that move.

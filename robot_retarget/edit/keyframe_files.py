@@ -1,9 +1,9 @@
-"""Files of keyframes: JSON as of the animations of the Bit-Bots, action pages of ROBOTIS. Each is saved in its own layout.
+"""Files of keyframes: JSON as in the animations of the Bit-Bots, and action pages of ROBOTIS. Each keeps its layout.
 
     {"keyframes": [{"duration": 0.8, "pause": 0.5, "goals": {"l_el": -45.0}}]}
 
-has times [s] and angles [°]; a joint without an angle stays, at first in the standing pose. `motion_4095.bin#38` is page 38 of a file,
-with the pages that it leads to; page 1 without a number. What a file has besides keyframes is kept.
+has times [s] and angles [°]. A joint without an angle keeps the one before, at first that of the standing pose. `motion_4095.bin#38`
+selects page 38 of a file and the pages that follow it; the default is page 1. The other content of a file stays unchanged.
 """
 
 import json
@@ -42,32 +42,32 @@ from robot_retarget.robot import Robot
 
 @dataclass(frozen=True)
 class Pose:
-    """A keyframe as a file has it."""
+    """A keyframe of a file."""
 
     angles: Mapping[str, float]
     """[rad]; the other joints stay."""
     seconds: float
     pause: float
     step: int | None = None
-    """Which pose of the file it was; None for a new one."""
+    """Index of the pose in the file; None for a new one."""
 
 
 @dataclass(frozen=True, eq=False)
 class KeyframeFile:
-    """A file of keyframes of one robot, and its content; a file that does not exist has none."""
+    """A file of keyframes of one robot, and its content, which is empty for a missing file."""
 
     path: Path
     robot: Robot
     page: int = 1
-    """The first of its keyframes, of action pages."""
+    """First page of the keyframes, for action pages."""
     content: bytes = field(default=b"", repr=False)
 
     @property
     def keyframes(self) -> tuple[Keyframe, ...]:
-        """The keyframes; of a file without any, the standing pose.
+        """The keyframes; for an empty file, the standing pose.
 
         Raises:
-            TrajectoryError: the content is not as its layout has it.
+            TrajectoryError: the content does not fit the layout.
         """
         held, found = self._standing, list[Keyframe]()
         for k, pose in enumerate(self.poses):
@@ -77,7 +77,7 @@ class KeyframeFile:
 
     @property
     def poses(self) -> list[Pose]:
-        """The keyframes as the file has them."""
+        """The keyframes with the angles of the file only."""
         try:
             return LAYOUTS[self.path.suffix][0](self) if self.content else []
         except TrajectoryError as error:
@@ -89,7 +89,7 @@ class KeyframeFile:
         return dict(zip(self.robot.joint_names, angles, strict=True))
 
     def holding(self, keyframes: Sequence[Keyframe]) -> "KeyframeFile":
-        """Return the file with other keyframes, in the resolution of its layout; everything else in it stays.
+        """Return the file with other keyframes, rounded to the resolution of its layout; its other content stays.
 
         Raises:
             UsageError: the layout cannot hold them.
@@ -125,11 +125,11 @@ def keyframe_file(name: str | Path, robot: Robot) -> KeyframeFile:
     """Return a file of keyframes, without content if it does not exist.
 
     Args:
-        name: of the file; `FILE#PAGE` for a page of action pages.
-        robot: the robot whose joints it names, with the servo map of action pages.
+        name: name of the file; `FILE#PAGE` selects a page of action pages.
+        robot: the robot with the joints of the file; action pages need its servo map.
 
     Raises:
-        UsageError: the suffix or the page is unknown.
+        UsageError: the suffix is unknown, or the page is out of range.
         FileError: the file cannot be read.
     """
     text, _, page = str(name).partition("#")
@@ -141,11 +141,11 @@ def keyframe_file(name: str | Path, robot: Robot) -> KeyframeFile:
     return KeyframeFile(path, robot, int(page or 1), file_bytes(path) if path.exists() else b"")
 
 
-# JSON, as of the animations of the Bit-Bots.
+# JSON, as in the animations of the Bit-Bots.
 
 DEGREE = float(np.pi / 180)
 ANGLE_DECIMALS = 4
-"""Of an angle that is written [°], by definition: a hundredth of a step of the encoders."""
+"""Decimals of a written angle [°], by definition: 1e-4° is about a thousandth of a step of the encoders, 360°/4096."""
 
 
 def _from_json(file: KeyframeFile) -> list[Pose]:
@@ -163,7 +163,7 @@ def _from_json(file: KeyframeFile) -> list[Pose]:
 
 
 def _goals(row: Mapping[str, Any], robot: Robot) -> dict[str, tuple[str, Any]]:
-    """Return name and angle of a row's goals, by joint."""
+    """Return name and angle of each goal of a row, by joint."""
     return {joint_called(name, robot): (name, angle) for name, angle in row.get("goals", {}).items()}
 
 
@@ -193,7 +193,10 @@ def _from_pages(file: KeyframeFile) -> list[Pose]:
 
 
 def _to_pages(file: KeyframeFile, poses: Sequence[Pose]) -> bytes:
-    """Return the pages with other poses: in their places if they are as many as before, else seven a page, at the end on free pages."""
+    """Return the pages with other poses.
+
+    Poses of an unchanged number keep their steps. Else a page holds seven steps, and free pages hold the poses that do not fit.
+    """
     pages = pages_in(file.content) if file.content else np.tile(empty_page(), PAGES)
     old = steps_of(pages, file.page) if pages[file.page]["stepnum"] else []
     if not old:
@@ -218,10 +221,10 @@ def _to_pages(file: KeyframeFile, poses: Sequence[Pose]) -> bytes:
 
 
 def _step(file: KeyframeFile, page: Any, row: int, pose: Pose, speed: int) -> Any:
-    """Return the step of a pose, from one that it was before.
+    """Return the step of a pose; registers without a joint keep the values of the step before.
 
     Raises:
-        UsageError: pages of the speed have no such time.
+        UsageError: a time is out of range at the speed of the page.
     """
     step, (servos, ids) = page["step"][row].copy(), file.servo_map
     for joint, servo in ids.items():
@@ -237,4 +240,4 @@ def _step(file: KeyframeFile, page: Any, row: int, pose: Pose, speed: int) -> An
 
 
 LAYOUTS = {".json": (_from_json, _to_json), ".bin": (_from_pages, _to_pages)}
-"""How a content is read and written, by the suffix of a file."""
+"""Functions that read and write the content, by the suffix of the file."""

@@ -1,8 +1,8 @@
 """Keyframes: poses with times, and the trajectory through them.
 
-With the mean velocities a before and b after a keyframe, a joint passes it with the smaller of both where they have one sign and the
-robot does not pause, and else stands: v = sign(a) min(|a|, |b|). Its acceleration there is 0. Between two keyframes the joint takes
-the way of least jerk (`base.arrays.least_jerk`), which turns back nowhere. A way on which a joint would be too fast takes longer.
+Let a and b be the mean velocities of a joint before and after a keyframe. If they have one sign and the keyframe has no pause, the joint
+passes it with v = sign(a) min(|a|, |b|); else it stands there. Its acceleration at a keyframe is 0. Between two keyframes the joint follows
+the path of least jerk (`base.arrays.least_jerk`), which never turns back. A path takes longer if a joint would exceed its speed.
 """
 
 from collections.abc import Sequence
@@ -24,25 +24,25 @@ from robot_retarget.trajectory import Trajectory
 FPS = 50.0
 """Frames per second of a trajectory [1/s], by definition: those of a motion that is recorded by hand."""
 INSTANTS = np.linspace(0.0, 1.0, 65)[:, None, None]
-"""Where the speed of a way is measured, in shares of its time: the largest is found to a thousandth."""
+"""Samples of the speed on a path, in shares of its time: they find the largest speed to a thousandth."""
 FAST = 1e-3
 """A joint may exceed its speed by this share [-], by definition."""
 FIRM = 1e4
-"""Priority of the edge of a dragged keypoint [-], that of the viewer: it is met to a millimetre wherever the joints reach."""
+"""Priority of the edge of a dragged keypoint [-], as in the viewer: within reach the keypoint is off by a millimetre at most."""
 
 
 @dataclass(frozen=True)
 class Keyframe:
-    """A pose of a robot, and when it is reached."""
+    """A pose of a robot, and the time to reach it."""
 
     angles: Floats
-    """(n,) of its hinges [rad]."""
+    """(n,) angles of the hinges [rad]."""
     seconds: float = 1.0
-    """Time from the keyframe before [s]; that of the first is not played."""
+    """Time from the keyframe before [s]; the first keyframe ignores it."""
     pause: float = 0.0
-    """For which the pose is held [s]."""
+    """Duration of the pose [s]."""
     step: int | None = None
-    """Which pose of its file it is; None for a new one."""
+    """Index of the pose in its file; None for a new one."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "angles", frozen(self.angles))
@@ -55,18 +55,18 @@ class Keyframe:
 
 @dataclass(frozen=True, eq=False)
 class KeyframedMotion:
-    """The way through K keyframes."""
+    """The motion through K keyframes."""
 
     poses: Floats
     """(K, n) [rad]."""
     times: Floats
-    """(K,) at which each is reached [s]."""
+    """(K,) times at which the keyframes are reached [s]."""
     pauses: Floats
     """(K,) [s]."""
     velocities: Floats
-    """(K, n) with which each is passed [rad/s]."""
+    """(K, n) joint velocities at the keyframes [rad/s]."""
     notes: tuple[str, ...] = ()
-    """The ways that take longer, a sentence each."""
+    """A sentence for each path that takes longer than its keyframe states."""
 
     @property
     def duration(self) -> float:
@@ -85,7 +85,7 @@ class KeyframedMotion:
 
 
 def motion_through(keyframes: Sequence[Keyframe], robot: Robot) -> KeyframedMotion:
-    """Return the way through keyframes, within the speeds of the joints.
+    """Return the motion through keyframes, within the speeds of the joints.
 
     Raises:
         UsageError: no keyframe is given.
@@ -114,7 +114,7 @@ def motion_through(keyframes: Sequence[Keyframe], robot: Robot) -> KeyframedMoti
 
 
 def _passed(means: Floats, pauses: Floats) -> Floats:
-    """(K, n) velocities at keyframes, from the mean ones between them (K − 1, n) [rad/s]."""
+    """Return (K, n) velocities at keyframes from the mean velocities between them (K − 1, n) [rad/s]."""
     velocities = np.zeros((len(pauses), means.shape[1]))
     before, after = means[:-1], means[1:]
     goes_on = (before * after > 0) & (pauses[1:-1, None] == 0)
@@ -123,7 +123,7 @@ def _passed(means: Floats, pauses: Floats) -> Floats:
 
 
 def _shares(ways: Floats, spans: Floats, passed: Floats) -> Floats:
-    """(K − 1, n) the largest speed on each way [rad/s]."""
+    """Return (K − 1, n) the largest speed on each path [rad/s]."""
     _, velocities = least_jerk(INSTANTS, ways, passed[:-1] * spans, passed[1:] * spans)
     return np.abs(velocities).max(axis=0) / spans
 
@@ -131,13 +131,13 @@ def _shares(ways: Floats, spans: Floats, passed: Floats) -> Floats:
 def trajectory_through(
     keyframes: Sequence[Keyframe], robot: Robot, fps: float = FPS, source: str = ""
 ) -> tuple[Trajectory, KeyframedMotion]:
-    """Return the trajectory through keyframes, on its feet (`planted`), and the times of the keyframes.
+    """Return the trajectory through keyframes, on its feet (`planted`), and the motion of its joints.
 
     Args:
-        keyframes: in order.
-        robot: their robot.
+        keyframes: the keyframes in order.
+        robot: the robot of the keyframes.
         fps: frames per second of the trajectory [1/s].
-        source: the name of their file.
+        source: the name of the keyframes' file.
 
     Raises:
         UsageError: no keyframe is given.
@@ -150,16 +150,16 @@ def trajectory_through(
 
 
 def dragged(qpos: Floats, robot: Robot, keypoint: str, place: Floats) -> tuple[Floats, str]:
-    """Return the angles (n,) with which a keypoint is at a place, and how near it comes: a touch-up of one frame.
+    """Move a keypoint to a place by a touch-up of one frame; return the angles (n,), and the result in words.
 
     Args:
         qpos: (nq,) the pose before.
-        robot: of the pose.
+        robot: the robot of the pose.
         keypoint: a hand, a foot or another of the robot's keypoints.
         place: (3,) in the world [m].
 
     Raises:
-        GraphError: the robot has no such keypoint.
+        GraphError: the robot lacks the keypoint.
         MatchError: the robot is no humanoid.
     """
     pose = Trajectory(qpos[None], FPS, robot.joint_names, robot.name)

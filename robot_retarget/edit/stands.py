@@ -118,7 +118,7 @@ def _hovering(joined: Floats, risen: Floats, robot: Robot) -> Floats:
 
 
 def _apart(joined: Floats, robot: Robot, fps: float) -> Floats:
-    """Return a way and the frames after it with links apart, its ends as they are: the nearest poses by the solver."""
+    """Return a way and the frames after it with links apart, by the nearest poses of the solver; its ends stay unchanged."""
     allowed = SolveOptions().overlap
     if all((depth <= allowed).all() for depth, _ in Separation(robot, allowed).overlaps_along(joined)):
         return joined

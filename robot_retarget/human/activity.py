@@ -1,4 +1,4 @@
-"""What the human's feet do: in place, stepping, flight, or held up by something else; and what no robot plays on its own feet."""
+"""Activity of the human's feet (in place, stepping, flight, supported), and motions that a robot cannot play standing."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -18,7 +18,7 @@ class ActivityRule:
     """Thresholds; lengths in leg lengths of the human."""
 
     brief: float = 0.1
-    """Activities with a smaller share of the time are ignored [-]: single steps in place, brief support. Half and double
+    """Support, steps and lying with a smaller share of the time are ignored [-]; a flight has its own limit. Half and double
     change none of 13 clips."""
     low: float = 0.62
     """A supported human has the pelvis lower than this share of its usual height [-] (half and double change none of 13
@@ -36,15 +36,17 @@ class Activity:
     """`in place`, `stepping`, `flight` or `supported`."""
     since: float = 0.0
     until: float = 0.0
-    """Longest flight or support [s]."""
+    """`since` and `until`: the longest flight or support [s]; 0 for other activities."""
 
 
 def activity_of(supported: Bools, flying: Bools, contacts: ContactRecord, fps: float) -> Activity:
     """Classify the activity; a body without two feet is in place.
 
     Args:
-        supported: (T,) whether something else than the feet holds the body up.
+        supported: (T,) whether another contact than the feet carries the body.
         flying: (T,) whether both feet are in the air.
+        contacts: feet on the ground over time.
+        fps: frames per second [1/s].
     """
     brief = ActivityRule().brief
     if len(contacts.feet) < 2:
@@ -57,7 +59,7 @@ def activity_of(supported: Bools, flying: Bools, contacts: ContactRecord, fps: f
 
 
 def is_supported(x: Floats, match: Match, rule: ActivityRule) -> Bools:
-    """Return (T,) whether the pelvis of keypoints (T, K, 3) [m] is low and far from over the feet."""
+    """Return (T,) whether the pelvis of keypoints (T, K, 3) [m] is low, and horizontally far from the middle of the ankles."""
     if not {"pelvis", "l_ankle", "r_ankle"} <= set(match.keypoints):
         return np.zeros(len(x), dtype=bool)
     x = x / match.human_leg
@@ -80,17 +82,17 @@ def _longest(kind: str, flags: np.ndarray, fps: float) -> Activity:
 CHEST_UPRIGHT = 0.35
 """A chest that is higher over the pelvis than this share of their distance is upright enough to stand [-]: 20° over level."""
 SPIN = np.pi
-"""More of a turn without a new foothold is a spin [rad]: hips of human and robot turn by a quarter turn either way."""
+"""A larger turn without a new foothold is a spin [rad]: hips of human and robot turn by a quarter turn to each side."""
 
 
 def not_standing(activity: Activity, x: Floats, match: Match, contacts: ContactRecord) -> str:
-    """Return what of a motion no robot plays that stands on its own feet: support, flight, lying, spinning; empty without any.
+    """Return the reason for which a robot cannot play a motion standing: lying, support, flight or a spin; an empty text without one.
 
     Args:
-        activity: of the feet.
+        activity: activity of the feet.
         x: (T, K, 3) keypoints over level ground [m].
         match: keypoints that human and robot share.
-        contacts: which feet are on the ground.
+        contacts: feet on the ground over time.
     """
     since = f"longest from {activity.since:.1f} to {activity.until:.1f} s"
     if _lying(x, match).mean() > ActivityRule().brief:
@@ -104,7 +106,7 @@ def not_standing(activity: Activity, x: Floats, match: Match, contacts: ContactR
 
 
 def _lying(x: Floats, match: Match) -> Bools:
-    """(T,) whether the pelvis is low and the trunk about level, or head down."""
+    """Return (T,) whether the pelvis is low and the trunk is about level or upside down."""
     if not {"pelvis", "chest"} <= set(match.keypoints):
         return np.zeros(len(x), bool)
     pelvis = x[:, match.index("pelvis")]
@@ -114,7 +116,7 @@ def _lying(x: Floats, match: Match) -> Bools:
 
 
 def _spin(heading: Floats, contacts: ContactRecord) -> float:
-    """The largest turn between two moments at which a foot begins to stand [rad]; a turn in flight counts."""
+    """Return the largest turn between two consecutive landings of feet [rad]; a turn in flight counts."""
     turned = np.unwrap(heading)
     starts = {start for foot in contacts.planted.T for start, _ in intervals(foot)} | {0, len(turned)}
     edges = sorted(starts)

@@ -210,14 +210,14 @@ def smoothed(capture: Capture, rule: NoiseRule) -> Capture:
 
 @dataclass(frozen=True)
 class ScrambleRule:
-    """Measured: in captured clips of 13 exporters no more than one step in a row has so many turns, in a scrambled one 22."""
+    """Measured: in captured clips of 13 exporters at most one step in a row has this number of turns, in a scrambled one 22."""
 
     turn: float = np.pi / 4
     """From frame to frame a joint turns by more [rad]: half finds two steps in a row in one of those clips ..."""
     joints: int = 3
-    """... in so many joints at once ..."""
+    """... in this number of joints at once ..."""
     steps: int = 4
-    """... in so many steps in a row."""
+    """... in this number of consecutive steps."""
 
 
 def clean_part(capture: Capture, rule: ScrambleRule) -> tuple[slice, str]:

@@ -58,7 +58,7 @@ def _skeleton(robot: Robot, anatomy: Anatomy) -> Skeleton:
 
 
 def _recognition(anatomy: Anatomy) -> Recognition:
-    """Every joint is its own keypoint; the pelvis is the middle of the hips, as it is on the robot that follows."""
+    """Every joint is its own keypoint; the pelvis is the middle of the hips, as on the robot that follows."""
     marks = {name: Mark((k,), 1.0, "the robot's own") for k, name in enumerate(anatomy.names)}
     if {"l_hip", "r_hip"} <= marks.keys():
         hips = marks["l_hip"].joints + marks["r_hip"].joints

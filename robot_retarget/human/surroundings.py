@@ -183,7 +183,7 @@ class LiveScene:
             faults: receives counts of poses that are not taken.
 
         Raises:
-            SceneError: the skeleton has no such carrier.
+            SceneError: the skeleton lacks the carrier.
         """
         self._scene, self._faults = scene, faults
         first = [IDENTITY if body.carrier else np.atleast_2d(body.poses)[0] for body in scene.bodies]

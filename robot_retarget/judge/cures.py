@@ -36,7 +36,7 @@ class Origin:
     robot: str = "ROBOT"
     motion: str = "MOTION"
     run: str = ""
-    """The command that made the trajectory, without its folder of results; empty where it is not known."""
+    """The command that made the trajectory, without its folder of results; empty if unknown."""
     judge: str = ""
     """The options of `simulate`; by default the robot."""
 
@@ -53,7 +53,7 @@ class Origin:
         return f"{shlex.join(words)} && {self.judged(str(made), '--report', str(made.with_suffix('.json')))}"
 
     def again(self, name: str, option: str, value: str) -> str:
-        """Return the command that runs the motion again with another option, into a folder of its own."""
+        """Return the command that runs the motion again with another option, into another folder."""
         words = shlex.split(self.run) or [PROGRAM, "run", self.motion, "--robot", self.robot]
         path = Path(self.trajectory)
         place = path.parent if self.run else path.with_suffix("")
@@ -132,7 +132,7 @@ def _shorter(failing: Failing) -> Advice:
 
 
 def _steadier(failing: Failing) -> Advice:
-    """Feet in place, or where they are already, a slower motion."""
+    """Feet in place; for feet already in place, a slower motion."""
     if failing.origin.run and failing.figures.get("legs") != "stand":
         return "keep both feet in place", failing.origin.again("stand", "--legs", "stand")
     return _slower(failing)

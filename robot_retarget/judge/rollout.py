@@ -48,7 +48,7 @@ from robot_retarget.solver.pipeline import Result
 from robot_retarget.trajectory import Trajectory, fingerprint
 
 IN_MOTION = Playback(settle_before=0.0, settle_after=0.0)
-"""Under a policy, a trajectory begins and ends at its own speed: a run would fall from a stand in its first pose."""
+"""Under a policy, a trajectory begins and ends at its own speed: a running robot would fall from a stand in its first pose."""
 COMPENSATION = 2
 """Duration of the compensation, as the progress counts it: in simulations of the trajectory."""
 SIMULATED = 2 + COMPENSATION
@@ -80,7 +80,7 @@ def simulate(
     gravity after settling in its first pose (tracking errors, torques, contacts).
 
     Args:
-        trajectory: a result of `retarget`, a trajectory, or its file; its `likeness` is judged where it has one. The report's
+        trajectory: a result of `retarget`, a trajectory, or its file; its `likeness` is judged if present. The report's
             `trajectory` also holds the judged goals, and the report has the sha256 of its file (`fingerprint`): save both.
         robot: a robot, or a name or model file that `load_robot` loads; by default the trajectory's.
         mode: `auto` is `free` for a trajectory that was planned in balance, else `pinned`. `pinned` carries the root along
@@ -103,7 +103,7 @@ def simulate(
             map has a sensor and gains.
         backlash: play between every servo and its link, either way [rad]; goals and feedback have no information about it.
         objects: whether the moving bodies of the trajectory's scene are `carried` along their path, or `free`: then they
-            have mass and are held by friction alone.
+            have mass, and only friction holds them.
         policy: a frozen controller, or its ONNX file (`policy_files.read_policy`), that makes the goals from the state in mode `free`; the
             trajectory is its reference. Servo map, compensation and feedback do not act, and `play` refuses the report.
         progress: called with (steps done, steps in all), a step for each simulation.
@@ -271,7 +271,7 @@ def rollouts(
 # How a frozen controller follows a trajectory: falls in the nominal world and in drawn ones, and the motion as executed.
 
 TRIED = 2
-"""Drawn worlds beside the nominal one."""
+"""Number of drawn worlds in addition to the nominal one."""
 
 
 @dataclass(frozen=True, eq=False)

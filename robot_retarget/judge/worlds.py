@@ -82,13 +82,13 @@ def draws(count: int, seed: int = 0, spread: Spread | None = None) -> tuple[Draw
 
 
 def is_decided(fallen: Sequence[bool], worlds: int, share: float) -> bool:
-    """Return whether simulations so far settle if more than a share of `worlds` end in a fall.
+    """Return whether the finished simulations settle if more than a share of `worlds` end in a fall.
 
     They do once more than the share have fallen, and once half of the worlds are simulated without a fall. By the second rule a motion that falls in 0.3 of
     all worlds passes ten draws in 23 instead of 15 % of the cases, and one that falls in 0.5 in 3.6 instead of 1.1 % (double sampling).
 
     Args:
-        fallen: of the simulations so far.
+        fallen: falls of the finished simulations.
         worlds: number of simulations at most.
         share: `Thresholds.fallen_share`.
     """

@@ -109,7 +109,7 @@ def joints_by_limb(robot: Robot, anatomy: Anatomy) -> dict[str, tuple[str, ...]]
 
 
 def positive_senses(robot: Robot) -> dict[str, str]:
-    """Return where each joint's positive sense moves the middle of what it carries, in words; the robot stands and faces +x."""
+    """Return in words where each joint's positive sense moves the middle of its links; the robot stands and faces +x."""
     data, found = mujoco.MjData(robot.model), {}
     data.qpos[:] = robot.standing()
     mujoco.mj_forward(robot.model, data)

@@ -121,7 +121,7 @@ class RobotAmongBodies:
     ) -> tuple[float, Floats]:
         """Return the least distance of geoms from a body, where its direction is that of a face; else from the plane of the face.
 
-        A hand that overhangs a small face would meet the plane beside the body.
+        A hand that overhangs a small face would meet the plane outside the body.
 
         Args:
             body: index in the scene; the other arguments are those of `to_face`.

@@ -44,7 +44,7 @@ class Chain:
     end: Floats
     """The middle of the last link's extent. (3,)"""
     tip: Floats
-    """Points of the last link's extent, without what it holds. (P, 3)"""
+    """Points of the last link's extent, without a held object. (P, 3)"""
 
     @property
     def start(self) -> Floats:

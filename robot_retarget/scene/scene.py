@@ -94,7 +94,7 @@ class RigidBody:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Bodies with names of their own. z points up and z = 0 is the floor."""
+    """Bodies with different names. z points up and z = 0 is the floor."""
 
     bodies: tuple[RigidBody, ...]
     source: str = ""
@@ -229,7 +229,7 @@ FIELDS = {
 }
 """Of the trajectory file: per body its name, shape, edges [m], poses, whether it is fixed, mass [kg] and friction; the vertices,
 faces and heights of all bodies one after the other, and per body the numbers of vertices, faces, rows and columns; and the size over
-the captured one, 0 or none of bodies that are scaled with the human, and the map from the human's floor, 0 or none where it is not known."""
+the captured one, 0 or absent for bodies that are scaled with the human, and the map from the human's floor, 0 or absent if unknown."""
 OPTIONAL = ("scene_scale", "scene_world")
 """Fields that older files lack."""
 

@@ -249,7 +249,7 @@ class _Descent:
 
 
 def _flat_sum(angles: Floats, flat: float) -> Floats:
-    """(N,) sums of angles (N, B), squares where they are small [rad]."""
+    """Return (N,) sums of angles (N, B); small angles count by their squares [rad]."""
     return np.where(angles < flat, angles**2 / (2 * flat) + flat / 2, angles).sum(axis=1)
 
 

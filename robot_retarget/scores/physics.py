@@ -236,8 +236,8 @@ def physics_score(subject: Subject) -> tuple[Value, ...]:
 #
 #     mean over planted feet and frames of  min_p ‖Δp_xy‖ · fps,  p the sole points of the foot        unit: cm/s, range: 0 and more
 #
-# A foot is planted where the human's stands by the rule of `contact`. The slowest
-# point is taken, so that a foot that rolls over its edge does not skate. Source: this project.
+# A foot is planted while the human's stands by the rule of `contact`. The slowest
+# point counts, so that a foot that rolls over its edge does not skate. Source: this project.
 #
 # ground_pen_max_cm and float_med_cm: height of the soles over the floor z = 0
 #

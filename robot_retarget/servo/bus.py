@@ -202,7 +202,7 @@ class Bus:
             address: of the first byte.
             length: number of bytes.
             ids: of the servos that answer.
-            chained: those that may be asked by a fast read, or a bulk read under Protocol 1.
+            chained: ids that support a fast read, or a bulk read under Protocol 1.
             patience: longest wait beyond the time on the wire, for each request [s].
         """
         found: dict[int, Reply] = {}

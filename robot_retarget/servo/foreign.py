@@ -56,7 +56,7 @@ def read_foreign(path: str | Path, offsets: str | Path | None = None, model: str
 
 
 def by_servos(servo_map: ServoMap) -> ServoMap:
-    """Return a map whose joint angles are those of the servos: from their middles, in their own sense."""
+    """Return a map whose joint angles are those of the servos: from their middles, in their sense."""
     turned = []
     for servo in servo_map.servos:
         ticks = servo.zero + servo.scale * np.array([servo.lower, servo.upper]) - servo.type.centre
@@ -102,7 +102,7 @@ def _lerobot(table: dict[str, Any], name: str, model: str | None) -> ServoMap:
 def _pypot(table: dict[str, Any], name: str, model: str | None) -> ServoMap:
     """Degrees; `indirect` turns the sense round, `offset` is the joint's angle away from the servo's middle.
 
-    `angle_limit` is written to the servo as it stands: it limits the angle from the servo's middle, in its own sense. The joints of
+    `angle_limit` is written to the servo unchanged: it limits the angle from the servo's middle, in its sense. The joints of
     Poppy's URDF are in these coordinates: all 25 of its ranges are the limits of `poppy_humanoid.json`.
     """
     servos = []

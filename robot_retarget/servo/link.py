@@ -237,7 +237,7 @@ class Link:
             self.bus.send(self.bus.codec.sync_write(register.address, register.size, ((s.id, data) for s in having)))
 
     def watchdog(self, seconds: float) -> None:
-        """Set the time without a message after which the servos stop [s]; 0 for never. Protocol 1 has no such stop."""
+        """Set the time without a message after which the servos stop [s]; 0 for never. Protocol 1 has no watchdog."""
         self.set_all("bus_watchdog", 0)
         if seconds:
             self.set_all("bus_watchdog", max(1, min(127, round(seconds / WATCHDOG_UNIT))))

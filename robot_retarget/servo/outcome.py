@@ -103,7 +103,7 @@ class PlaybackOutcome:
 STILL = 0.0103
 """A joint that stays within this does not move [rad]: two steps of the encoder of an AX in its data sheet."""
 NOTICED = 0.2
-"""A plan that moves by more meanwhile tells a jam from dry friction [rad]: twice the 0.09 by which a 2XL430 of 0.252 N m may
+"""A joint that stands still while its plan moves by more is jammed; dry friction delays it by less [rad]: twice the 0.09 by which a 2XL430 of 0.252 N m may
 lag behind a turn, at the gain of its data sheet. A jam of a joint that moves less in the whole motion is not noticed."""
 
 
@@ -116,7 +116,7 @@ def standstill(motion: Floats, present: Floats, period: float) -> Floats:
 
     Args:
         motion: of the joints [rad].
-        present: where they are [rad].
+        present: measured angles of the joints [rad].
         period: between two rows [s].
     """
     found, least = np.zeros(motion.shape[1]), round(STOOD / period)

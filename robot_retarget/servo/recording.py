@@ -146,7 +146,7 @@ def _take(performance: Performance, cycle: Cycle, limp: np.ndarray, countdown: i
 
 
 def _restore(link: Link, before: Sequence[int]) -> None:
-    """Give every servo the torque that it had; those that get it hold where they are."""
+    """Switch the torque of every servo to its state before; servos that regain torque hold their present angle."""
     link.limp = np.zeros(len(link.ids), dtype=bool)
     goals = link.goals(link.present)
     for k, (servo, on) in enumerate(zip(link.map.servos, before, strict=True)):

@@ -60,7 +60,7 @@ class OpenCr:
 
 # Readers of inertial sensors. A new kind of sensor is one class with `read`, and one line in `open_sensor`.
 #
-# `LineSensor` reads any board that prints lines of six numbers. A BNO08x, as on ToddlerBot, needs no class of its own: a
+# `LineSensor` reads any board that prints lines of six numbers. A BNO08x, as on ToddlerBot, needs no separate class: a
 # microcontroller prints its calibrated gyroscope and accelerometer in this form, or a class wraps its driver:
 #
 #     class Bno08x:

@@ -22,7 +22,7 @@ WITHIN = 1e-5
 Hessian."""
 EXACT = WITHIN / 100
 """A row that was left out counts as satisfied if it is missed by no more, a hundredth of `WITHIN`: the result must not depend
-on what was left out."""
+on the left-out rows."""
 BUILDS = 16
 """Number of builds that a process keeps, of some megabytes each: a clip takes two, and building takes .2 s of a clip's 1 to 2 s."""
 FEW = 24
@@ -63,7 +63,7 @@ class Compiled:
         ]
 
     def fill(self, values: Sequence[Floats], results: Sequence[Floats], frames: slice) -> None:
-        """Evaluate some frames of arguments (N, …) into results (N, …); unused places of a block keep what they hold."""
+        """Evaluate some frames of arguments (N, …) into results (N, …); unused places of a block keep their contents."""
         count = frames.stop - frames.start
         for place, value in zip(self._given, values, strict=True):
             part = value[frames]

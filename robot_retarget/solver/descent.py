@@ -137,7 +137,7 @@ def frame_model(costs: CostModel, q: Floats, targets: Targets, proximal: Proxima
         costs: of the problem.
         q: (nq,).
         targets: of the frame.
-        proximal: draws the pose towards another; None for no such term.
+        proximal: draws the pose towards another; None without this term.
     """
     cost, gradient, normal = costs.problem.model(q, targets)
     slope, deficit = costs.problem.inequalities.rows(q, targets)

@@ -113,7 +113,7 @@ class JointLimits:
 
 
 class ConstantLimits(JointLimits):
-    """The limits of a stream whose joint edges do not follow the human: they keep the targets of the first frame."""
+    """The limits of a stream with joint edges that do not follow the human: they have the targets of the first frame."""
 
     def __init__(self, robot: Robot, tracks: Sequence[Track], columns: Mapping[str, slice]):
         super().__init__(robot, tracks, columns)

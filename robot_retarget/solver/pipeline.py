@@ -244,8 +244,8 @@ def transfer(
     """Carry the motion of one robot over to another; to itself, it is the identity within the solver's tolerance.
 
     The source's forward kinematics is the performer (`human.robot_performer.performed`). Smoothness and the pull to the
-    standing pose have `EXACT` of their weights, and a swing foot follows its leg without a reference of its own. A hand
-    touches the other hand, the head or a knee; beside a robot's hip it passes without touching.
+    standing pose have `EXACT` of their weights, and a swing foot follows its leg without a reference. A hand
+    touches the other hand, the head or a knee; near a robot's hip it passes without touching.
 
     Args:
         trajectory: a result of `retarget`, a trajectory of the source, or its file.

@@ -41,7 +41,7 @@ GIVE = 0.1
 """... and may deviate from their curve by this share of it, so that the other targets keep their effect [-]. That error is
 13.0° with half and 12.4° with double."""
 ROUNDING = 0.99
-"""Each frame takes one step when frames arrive at the step rate, whatever the rounding of their times [-]."""
+"""Each frame takes one step when frames arrive at the step rate, for any rounding of their times [-]."""
 
 
 @dataclass(eq=False)

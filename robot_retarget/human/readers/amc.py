@@ -181,7 +181,7 @@ class _Parser:
 # AMC files: the angles of the bones of an ASF skeleton, frame by frame (the format of the CMU library).
 
 CMU_FPS = 120.0
-"""Of the CMU library, where no gait tells the rate; an AMC says none [1/s]."""
+"""Rate of the CMU library, for a motion without a gait; an AMC file has no rate [1/s]."""
 
 
 def matches_format(header: FileHeader) -> bool:

@@ -67,7 +67,7 @@ def read(path: Path, request: Request) -> Capture:
 
 
 def _subjects(path: Path) -> Iterator[_Subject]:
-    """Yield every subject with its frames; elements are released as soon as they are read."""
+    """Yield every subject with its frames; release each element after its read."""
     now: _Subject | None = None
     for event, element in iterparse(path, ("start", "end")):
         tag = element.tag.rpartition("}")[2]

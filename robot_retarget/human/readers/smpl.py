@@ -60,17 +60,17 @@ def model_skeleton(path: Path, betas: Floats | None) -> tuple[Skeleton, str]:
 
 @dataclass(frozen=True)
 class BodyLayout:
-    """The names under which a program keeps one body over time; of several names the first that is there counts."""
+    """The names of the arrays of one body over time in a program's files; of several names the first present one counts."""
 
     program: str
     whole: tuple[str, ...] = ()
     """Turns of root and joints together (T, 3 n), n at least 22, or as matrices (T, n, 3, 3) or (T, 9 n)."""
     root: tuple[str, ...] = ()
     body: tuple[str, ...] = ()
-    """Turns of the root and of the joints, where they are apart."""
+    """Turns of the root and of the joints in separate arrays."""
     place: tuple[str, ...] = ()
     means: Literal["shift", "pelvis", "origin"] = "shift"
-    """What the place is: a shift of the posed body, the place of the pelvis, or that of the point about which the root turns."""
+    """Meaning of the place: a shift of the posed body, the place of the pelvis, or that of the point about which the root turns."""
     shape: tuple[str, ...] = ("betas",)
     frames: tuple[str, ...] = ()
     """Numbers (T,) of the frames that show the person, or for every frame whether it does."""
@@ -82,7 +82,7 @@ class BodyLayout:
     """Further names by which the program is known."""
 
     def fits(self, names: Collection[str]) -> bool:
-        """Whether turns are there by these names."""
+        """Return whether the names include turns."""
         groups = (self.whole,) if self.whole and any(k in names for k in self.whole) else (self.root, self.body)
         return all(any(k in names for k in group) for group in groups) and all(name in names for name in self.beside)
 

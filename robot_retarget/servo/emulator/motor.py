@@ -35,7 +35,7 @@ OVERLOAD_TIME = 1.0
 
 @dataclass
 class EmulatedMotor:
-    """State of one output shaft in ticks of its own encoder; angle 2048 is the middle of the table."""
+    """State of one output shaft in ticks of its encoder; angle 2048 is the middle of the table."""
 
     model: Model
     position: float = 2048.0

@@ -170,7 +170,7 @@ class Network:
         return []
 
     def _bulk_read(self, params: bytes) -> list[Answer]:
-        """Under Protocol 1 each servo waits for the answer of the one before: behind a missing one nobody answers."""
+        """Under Protocol 1 each servo waits for the answer of the one before: servos after a missing one stay silent."""
         answers: list[Answer] = []
         for length, identity, address in (params[k : k + 3] for k in range(1, len(params) - 2, 3)):
             found = self._read(identity, address, length) if all(map(_fast, self.at(identity))) else []

@@ -91,7 +91,7 @@ class World:
 #     flip x          the inertial sensor measures the root body's x axis with the wrong sign
 #     freeze          the inertial sensor repeats its present reading
 #     reset           servos, wire and supply are as at the start
-#     wait 0.5        time goes by [s], in lockstep
+#     wait 0.5        time passes [s], in lockstep
 #     unplug          the cable is pulled; `plug` puts it back (a new port under the same link)
 #
 # `after 2.5 silent 3` does it 2.5 s after the start.

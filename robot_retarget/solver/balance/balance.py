@@ -190,7 +190,7 @@ def _ways(ik: BalancedIk, draft: Solution, legs: str, modes: tuple[str, ...]) ->
 def _steps(ik: BalancedIk, qpos: Floats, modes: tuple[str, ...], auto: bool) -> Iterator[Attempt]:
     """Yield the ways to follow the human's steps: in the first mode alone if `auto`, in all of them and the last without limits otherwise."""
     planned = _stepping(ik, qpos)
-    if planned.planted.all():  # nothing is lost in static balance
+    if planned.planted.all():  # static balance loses no likeness
         tried = [(mode, 1.0) for mode in reversed(modes)]
     else:
         shares = {"dynamic": (1.0, 0.75, 0.5), "static": (0.5,)}

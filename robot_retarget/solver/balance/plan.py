@@ -64,7 +64,7 @@ DYNAMIC = tuple(
 )
 """Dynamic balance that sways least, and the one that stays up in every walk tried; a playback takes the first whose plan keeps `playback.MARGIN`. In
 "xia neutral" on the OP3 the trunk is 6.5 and 8.4° from the human's, and the least margin of the plan 6.9 and 14.4 mm. With a jerk of 1e-4 the zero
-moment point of a walk moves out and in over every stance, and the body sways twice as far. With a middle of 0 it keeps to the inner edges of the
+moment point of a walk moves out and in over every stance, and the body sways twice as far. With a middle of 0 it stays near the inner edges of the
 feet, where soft servos tip the OP3 inwards: below 6 mm for 30 % of the sample walk, 3 % with 4."""
 
 

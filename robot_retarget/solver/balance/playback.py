@@ -64,12 +64,12 @@ class Pacing:
     """Least duration of a shift of weight, with all feet on the floor [s]: on a foot that lands a little tilted, the body sways.
     With half and double the sample walk takes 1.5 and 1.8 times the human's time, and its legs are 12.5 and 9.6° from the human's."""
     near: float = swing
-    """Largest time distance, in time of the playback, from a shift of weight that comes too late [s]: the swing beside it."""
+    """Largest time distance, in time of the playback, from a shift of weight that comes too late [s]: the duration of a swing."""
     slack: float = 1.2
     """Needs up to this factor are ignored: a servo can exceed its limits slightly for a moment. Measured with 1, and the
     playback of the rounds that needs least: `02_01_walk` and `bn_walk` take 3 % longer on the OP3, and fall in none of four drawn worlds either way."""
     burst: float = 1.3
-    """Loads may need so many times more for a moment: the OP3's knees do at the ends of a swing in walks that stay up in soft worlds.
+    """Loads may need this factor more for a moment: the OP3's knees do at the ends of a swing in walks that stay up in soft worlds.
     Measured with 1 and a sweep of 1.3: the sample walk at 2.1 times its speed takes 2.4 instead of 1.5 times the human's time."""
     shift: float = slack
     """Factor per round on frames with all feet on the floor near that shift [-]: the least need that is not ignored."""
@@ -187,12 +187,12 @@ SHORT = 0.6
 """Least duration of a swing over that of the longest step: lifting a foot takes time too [-]. Measured at a sweep of 1.3: the
 sample walk at 2.1 times its speed falls with 0.8 and 0.9 as well."""
 HURRIED = 1.1
-"""A clip whose swings alone take more times its time keeps the last conditions: the sample walk at 2.1 times its speed (1.47) falls with the first ones
-at margins of 7.8 and 9.2 mm, and stands with the last ones at 8.2 mm; "walk01 ot" (1.02) stands in ten soft worlds with the first at 7.5 mm [-]."""
+"""Slowdown by swings alone beyond which a clip keeps the last conditions: the sample walk at 2.1 times its speed (1.47) falls with the first conditions
+at margins of 7.8 and 9.2 mm, and stays up with the last at 8.2 mm; "walk01 ot" (1.02) stays up in ten soft worlds with the first at 7.5 mm [-]."""
 FORESEEN = 2
 """Rounds of the steps alone before limbs are solved: in `soma30_walk_then_sneak` the least margin is −15.3 mm after the first and 3.5 mm after the second."""
 MOMENTS = 16
-"""Frames whose limbs tell how like the human's a playback will be: in seven clips the trunk is within 3.7° of that of the playback, and legs within 2.1°."""
+"""Number of frames that predict the likeness of a playback: in seven clips their trunk is within 3.7° of that of the playback, and their legs within 2.1°."""
 EXPECTED_ROUNDS = 1.5
 """Expected number of rounds of planting, including the first."""
 
@@ -283,20 +283,20 @@ def begun(ik: BalancedIk, clip: PlaybackClip, ends: Sequence[Steadiness], slowes
 
 
 class Foreseen(NamedTuple):
-    """What is known of a playback before its limbs are solved."""
+    """Prediction of a playback before its limbs are solved."""
 
     start: Start
-    """Its plan makes up for the limbs of the steps alone."""
+    """The start, with a plan that compensates the limbs of the steps alone."""
     margin: Floats
     """(K,) margin of the zero moment point of the steps alone [m]."""
     frames: Ints
     """(M,) `MOMENTS` of the frames ..."""
     qpos: Floats
-    """... and (M, nq) their limbs, each frame solved by itself."""
+    """... and (M, nq) their configurations, each solved as a single frame."""
 
 
 def foreseen(ik: BalancedIk, start: Start, ends: Sequence[Steadiness]) -> Foreseen:
-    """Return what root, legs and a few moments tell of a playback."""
+    """Predict a playback from root, legs and a few frames."""
     clip, plan, how = start.clip, start.plan, between(ends[0], ends[-1], start.tight)
     margin = np.full(len(plan.targets), np.inf)
     for _ in range(0 if how.static else FORESEEN):
@@ -314,10 +314,10 @@ def foreseen(ik: BalancedIk, start: Start, ends: Sequence[Steadiness]) -> Forese
 
 
 def playbacks(ik: BalancedIk, start: Start, ends: Sequence[Steadiness], count: Count) -> Iterator[Balanced]:
-    """Yield playbacks, each with what the one before lacks, up to one that lacks nothing.
+    """Yield playbacks; each corrects the one before, until one keeps all limits or the rounds end.
 
-    Where the least margin is below `MARGIN`, the conditions move from the first towards the last by as much as it lacks; at the last, the pace is slowed.
-    Where joints ask for more than their speed and torque, swings first take the slowest of `SWEEPS`.
+    If the least margin is below `MARGIN`, the conditions move from the first towards the last, in proportion to the deficit; at the last, the pace slows down.
+    If joints or soles need more time, swings first take the slowest of `SWEEPS`; then the pace slows down.
 
     Args:
         ik: solves frames with soles at places and the centre of mass over points.

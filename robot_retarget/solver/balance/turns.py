@@ -1,4 +1,4 @@
-"""Turns of the robot in small steps: where a human spins on the ball of a foot, flat soles step around, beside each other as in the robot's own stand."""
+"""Turns of the robot in small steps: for a human's spin on the ball of a foot, flat soles step around, with the gap of the robot's stand."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -9,7 +9,7 @@ TURN = 1.0
 """Turn of a foot per step, which hips have either way over a stance [rad]: a hip that turns by half of it meanwhile is no slower than the leg of the shortest swing. A pirouette and a
 dance of four turns keep the OP3's zero moment point 11 mm inside the support with 1.0 and 1.2, 6 and 1 mm with 1.28; with 1.5 it tips."""
 HANG = 0.5
-"""A foot that waits for a slow turn lifts so long before it comes down [s]. With half and double the OP3 takes 2.27 and 2.24 instead of
+"""A foot that waits for a slow turn lifts this time before it comes down [s]. With half and double the OP3 takes 2.27 and 2.24 instead of
 2.23 times the human's time for a pirouette."""
 
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class _Console(Console):
-    """Prints text as it is: names in files of others are neither markup nor control sequences of the terminal."""
+    """Prints text literally: names in files of others are neither markup nor control sequences of the terminal."""
 
     def __init__(self, **how: Any):
         super().__init__(highlight=False, markup=False, **how)

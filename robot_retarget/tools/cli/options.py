@@ -19,7 +19,7 @@ RESULT = "trajectory.npz"
 def taking(wanted: str) -> Callable[[Any], Any]:
     """Return the callback of an argument that refuses files of other kinds, and stdin, where one kind is expected.
 
-    A folder of results stands for its trajectory. A playlist of trajectories (`.toml`) is taken where `playable` is wanted.
+    A folder of results means its trajectory. With `playable`, a playlist of trajectories (`.toml`) is accepted.
     """
 
     def one(path: Path) -> Path:

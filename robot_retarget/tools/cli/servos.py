@@ -335,7 +335,7 @@ def identify(how: IdentifyOptions, printing: opt.PrintOptions) -> None:
 
 
 def _from_log(how: IdentifyOptions, servo_map: "ServoMap") -> "Fit":
-    """Fit a joint of a playback, and draw what the fit predicts."""
+    """Fit a joint of a playback, and draw the prediction of the fit."""
     from dataclasses import replace
 
     from robot_retarget.actuators.map import Stop

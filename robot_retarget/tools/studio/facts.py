@@ -1,4 +1,4 @@
-"""What the page says of a project beside its picture: keypoints, choices, marks, verdict, formats and commands."""
+"""The facts of a project on the page: keypoints, choices, marks, verdict, formats and commands."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 AT_END = 0.99
 """A joint beyond this share of the way from the middle of its range to an end is at its limit [-]: by definition a hundredth is left."""
 MOST_MARKS = 40
-"""Marks of a kind on the timeline [-]: more than that are no places to go to."""
+"""Most marks each of missed edges, jumps and joint limits on the timeline [-]: more cannot be visited one by one."""
 
 
 def facts_of(project: "Project", take: Take) -> dict[str, Any]:
-    """Return everything that the page says of a project; as JSON."""
+    """Return the facts of a project and its take, as a table that JSON can hold."""
     from robot_retarget.tools.studio.project import ALLOWED
 
     report = None if take.stale else take.report
@@ -44,7 +44,7 @@ def facts_of(project: "Project", take: Take) -> dict[str, Any]:
 
 
 def _keypoints(project: "Project") -> list[dict[str, str]]:
-    """Return each keypoint with the joint of the human and the body of the robot that it is, and how sure that is."""
+    """Return each keypoint with its joints of the human, its body of the robot, and the confidence of both."""
     motion, robot = project.motion, project.robot
     found, names = match(motion, robot, project.map_file), motion.skeleton.names
     rows = []
@@ -66,7 +66,10 @@ def _kinds(project: "Project") -> list[dict[str, Any]]:
 
 
 def marks_of(project: "Project", take: Take) -> list[dict[str, Any]]:
-    """Return where the result is bad: kind, first and last time [s], and a sentence; worst kinds first."""
+    """Return the moments to look at: kind, first and last time [s], and a sentence.
+
+    The order is: missed edges, jumps, costly edges, joint limits, contacts of links.
+    """
     trajectory, robot, fps = take.trajectory, take.robot, take.trajectory.fps
     found = list[tuple[str, int, int, str]]()
     if take.solution is not None:

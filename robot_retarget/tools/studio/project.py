@@ -1,4 +1,4 @@
-"""A clip on a robot, from the file to what is taken away. Every step is the function that the shell calls, with the same arguments."""
+"""A clip on a robot, from its file to its exports. Solving, judging and export call the functions of the shell commands, with the same arguments."""
 
 import shlex
 from collections.abc import Callable, Mapping
@@ -36,20 +36,20 @@ ALLOWED: dict[str, tuple[str, ...]] = {
     "balance": get_args(Balance), "legs": get_args(Legs), "favour": ("balanced", "directions", "distances"),
     "speed": ("1", "0.8", "0.6"), "fps": ("",), "trim": ("",), "feedback": ("", "off"), "objects": ("carried", "free"),
 }  # fmt: skip
-"""Choices of a project and the values that the page offers, the default first; cures set others of `speed`, `fps` and `trim`."""
+"""Choices of a project and their values on the page, the default first; cures set other values of `speed`, `fps` and `trim`."""
 FREE = {"speed", "fps", "trim"}
-"""Choices of any number, or of two with a colon."""
+"""Choices whose value can be a number, or two with a colon."""
 FLAGS = {"--no-feedback": ("feedback", "off")}
-"""Options of a cure without a value, as choices."""
+"""Choices that options without a value set in the command of a cure."""
 
 
 class StoppedError(RobotRetargetError):
-    """A step that its user stopped."""
+    """The user or a newer work stopped a step."""
 
 
 @dataclass
 class Work:
-    """What is computed for a project, from its turn to its end."""
+    """The steps of a project in one thread, from the queue to their end."""
 
     state: str = "waiting"
     """`waiting`, `solving`, `solved`, `judging`, `judged`, `stopped` or `failed`."""
@@ -60,11 +60,11 @@ class Work:
 
     @property
     def busy(self) -> bool:
-        """Whether something is computed."""
+        """Whether the work waits or runs."""
         return self.state in ("waiting", "solving", "judging")
 
     def left(self) -> float | None:
-        """Return the time that is left [s], from the share that is done; None while that is little."""
+        """Return the remaining time [s], estimated from the finished share; None up to a share of 0.05."""
         passed = monotonic() - self.began
         return round(passed * (1 / self.share - 1), 1) if self.share > 0.05 else None
 
@@ -73,11 +73,11 @@ class Project:
     """A clip on a robot.
 
     Args:
-        key: its name, in the page and in the folder.
+        key: name of the project in requests of the page.
         clip: the file of the motion, and the motion.
-        model: the robot as `load_robot` takes it, and the robot.
-        name: of the robot on the page.
-        changed: is called after every change that the page shows.
+        model: the argument of `load_robot`, and the robot.
+        name: name of the robot on the page and in the folder of the project.
+        changed: the project calls it after every change of the page's content.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class Project:
         self._before = self.choices, self.dropped
         self.work: Work = Work()
         self.version: int = 0
-        """Number of the picture."""
+        """Number of changes of the shown take and of the state."""
         self.editor: TakeEditor | None = None
         self.result: rr.Result | None = None
         self._lock = Lock()
@@ -106,18 +106,18 @@ class Project:
 
     @property
     def trajectory_file(self) -> Path:
-        """Where the solved trajectory is."""
+        """Path of the solved trajectory."""
         return self.place / "trajectory.npz"
 
     @property
     def map_file(self) -> Path | None:
-        """The map of keypoints, if there is one."""
+        """Path of the keypoint map; None without a file."""
         return path if (path := self.place / "map.toml").exists() else None
 
-    # Steps. Each runs in a thread of its own and ends in a state.
+    # Steps. `solve` and `judge` run in a thread of the pool and set the state of their work.
 
     def open(self) -> None:
-        """Show the human beside the standing robot.
+        """Stop the present work, drop the result, and show the human next to the standing robot.
 
         Raises:
             MatchError: the motion is not human, or the robot no humanoid.
@@ -132,7 +132,7 @@ class Project:
         return Take(self.robot, Trajectory(qpos, self.motion.fps, *names, source=self.motion_file.name), human)
 
     def solve(self, work: Work) -> None:
-        """Solve the clip: a draft of the stream's solver first, then as `solve` (and `edit retime`, `edit cut`) do."""
+        """Solve the clip as `solve`, `edit retime` and `edit cut` do. Before a first result without a map, a draft is shown."""
         robot, motion, choices, over = self.robot, self.motion, self.choices, self.map_file
         self._reach(work, "solving")
         before = None if self.editor is None else self.editor.take.trajectory
@@ -163,7 +163,7 @@ class Project:
         self._reach(work, "solved")
 
     def _draft(self, work: Work) -> None:
-        """Show what the solver of streams makes of the clip: it is causal, and takes milliseconds a frame."""
+        """Show the result of the stream's solver, which is causal and takes milliseconds a frame."""
         motion, first = self.motion, self.take
         qpos, shown = np.array(first.trajectory.qpos), monotonic()
         for frame, pose in enumerate(rr.stream(self.robot, motion, native=False)):
@@ -174,10 +174,10 @@ class Project:
                 self._show(self._take(qpos.copy(), first.human))
 
     def judge(self, work: Work) -> None:
-        """Simulate what is shown, as `simulate` does, and store goals and report.
+        """Simulate the shown trajectory as `simulate` does, and store goals and report.
 
         Raises:
-            UsageError: nothing is solved yet.
+            UsageError: the project has no solved trajectory.
         """
         editor, choices = self._solved(), self.choices
         self._reach(work, "judging")
@@ -200,18 +200,18 @@ class Project:
         return self.editor
 
     def written(self, editor: TakeEditor) -> Path:
-        """Return the file of the shown trajectory; touch-ups are saved first."""
+        """Return the file of the shown trajectory; save touch-ups first."""
         if editor.session is None or not editor.session.edits:
             return self.trajectory_file
         return editor.session.save()[1]
 
-    # What the page changes.
+    # Changes by the page.
 
     def choose(self, choices: Mapping[str, Any]) -> None:
         """Set choices.
 
         Raises:
-            UsageError: one has no such value.
+            UsageError: a choice or its value is unknown.
         """
         for name, value in choices.items():
             if name not in ALLOWED:
@@ -221,14 +221,14 @@ class Project:
         self.choices = self.choices | {name: str(value) for name, value in choices.items()}
 
     def cure(self, command: str) -> None:
-        """Set the choices that a cure's command names; a speed is a factor of the present one."""
+        """Set the choices in the command of a cure; its speed multiplies the present speed."""
         found = choices_in(command)
         if "speed" in found:
             found["speed"] = f"{float(found['speed']) * float(self.choices['speed']):.3g}"
         self.choose(found)
 
     def keep_kinds(self, dropped: list[str]) -> None:
-        """Set the kinds of edges that are off, and write them as a file of edits."""
+        """Replace the list of dropped kinds of edges, and write it to `edges.toml`."""
         self.place.mkdir(exist_ok=True)
         self.dropped = [str(kind) for kind in dropped]
         write_edits([Edit("drop", {"kind": kind}) for kind in self.dropped], self.place / "edges.toml")
@@ -237,7 +237,8 @@ class Project:
         """Replace a keypoint of the `human` (the name of a joint) or `robot` (the name of a body) in the map file.
 
         Raises:
-            MatchError: the keypoint, joint or body is not known; the file stays as it was.
+            UsageError: `body` is another word.
+            MatchError: the keypoint, joint or body is unknown; the file stays unchanged.
         """
         import tomlkit
 
@@ -251,11 +252,11 @@ class Project:
             rr.match(self.motion, self.robot, tried)
             write_text(self.place / "map.toml", tried.read_text(encoding="utf-8"))
 
-    # What the page shows and takes away.
+    # Views and exports.
 
     @property
     def take(self) -> Take:
-        """What is shown."""
+        """The shown take."""
         return self._shown if self.editor is None else self.editor.take
 
     def _show(self, take: Take) -> None:
@@ -264,7 +265,7 @@ class Project:
         self._changed()
 
     def waits(self) -> Work:
-        """Stop what is being computed; return the work that waits for its turn."""
+        """Stop the present work; return a new one that waits."""
         self.work.stop = True
         self.work = Work()
         self._changed()
@@ -277,21 +278,25 @@ class Project:
         self._changed()
 
     def _go_on(self, work: Work) -> None:
-        """Go on, unless the work was stopped.
+        """Return if the work may continue.
 
         Raises:
-            StoppedError: it was.
+            StoppedError: the work was stopped.
         """
         if work.stop:
             raise StoppedError("stopped")
 
     def ended(self, work: Work, error: BaseException) -> None:
-        """End a work with an error: in the state before it, or in one that says the error."""
+        """End the present work with an error.
+
+        After a stop the state is `solved`, or `stopped` without a result, and the choices of the shown result return. After
+        another error the state is `failed`, with the text of the error.
+        """
         if work is not self.work:
             return
         if isinstance(error, StoppedError):
             work.state = "stopped" if self.editor is None else "solved"
-            self.choices, self.dropped = self._before  # of what is shown
+            self.choices, self.dropped = self._before  # those of the shown result
         else:
             mistake = isinstance(error, RobotRetargetError)
             work.state = "failed"
@@ -307,7 +312,7 @@ class Project:
         return told
 
     def line(self) -> dict[str, Any]:
-        """Return what a list says of it."""
+        """Return the row of the project in the page's list."""
         work, report = self.work, self.editor and self.editor.take.report
         stale = self.editor is not None and self.editor.take.stale
         return {
@@ -318,16 +323,19 @@ class Project:
         }  # fmt: skip
 
     def packed(self) -> bytes:
-        """Return the take with all that the page says of it."""
+        """Return the packed take with the facts of the project."""
         with self._lock:
             version, take = self.version, self.take
             return Viewer((take,)).packed({"studio": {"version": version, **facts_of(self, take)}})
 
     def export(self, format: str) -> tuple[Path, str]:
-        """Write the shown trajectory in a format, or its page; return the file, in a folder of its own, and its name.
+        """Write the shown trajectory, with its judged goals, in a format; `viewer` writes its page.
+
+        Returns:
+            The file in a new temporary folder, a zip for several files, and its name.
 
         Raises:
-            UsageError: nothing is solved, the format is unknown, or the robot does not suit it.
+            UsageError: the project has no solved trajectory, the format is unknown, or it does not support the robot.
         """
         take = self._solved().take
         kind, name = FORMATS.get(format), f"{self.motion_file.stem}-{self.name}"
@@ -344,7 +352,7 @@ class Project:
         return Path(make_archive(str(folder), "zip", folder)), f"{name}.zip"
 
     def commands(self) -> list[str]:
-        """Return the commands that do the same in a shell."""
+        """Return the shell commands that write the same files."""
         choices, session = self.choices, self.editor and self.editor.session
         path, mended = str(self.trajectory_file), str(self.place / "mended.npz")
         robot, over = ["--robot", self.model], ["--map", str(self.map_file)] if self.map_file else []
@@ -370,23 +378,23 @@ class Project:
 
 
 DRAFT = 0.7
-"""Interval of the pictures of a draft [s]."""
+"""Least interval between two poses of a draft on the page [s]."""
 
 
 def _given(choices: Mapping[str, str], *names: str) -> list[str]:
-    """Return the options of choices that are not the default."""
+    """Return the command-line options of choices that differ from their defaults."""
     return [word for name in names if choices[name] != ALLOWED[name][0] for word in (f"--{name}", choices[name])]
 
 
 def choices_in(command: str) -> dict[str, str]:
-    """Return the choices that the command of a cure names; none where it does something else."""
+    """Return the choices in the command of a cure; an empty table if it has other options only."""
     words = shlex.split(command.partition(" && ")[0])
     found = {name: words[words.index(f"--{name}") + 1] for name in ALLOWED if f"--{name}" in words[:-1]}
     return found | dict(FLAGS[word] for word in words if word in FLAGS)
 
 
 def _numbers(text: str) -> bool:
-    """Whether a text is a number, or two with a colon."""
+    """Return whether a text is a number ≥ 0, or two with a colon."""
     try:
         return all(float(part) >= 0 for part in text.split(":")) and text.count(":") < 2
     except ValueError:

@@ -1,4 +1,4 @@
-"""The studio's server: projects, the threads that work on them, and what its page asks for."""
+"""The studio's server: projects, their threads, and the routes of the page."""
 
 import json
 import os
@@ -34,26 +34,26 @@ from robot_retarget.tools.view.web.shapes import shapes_of
 from robot_retarget.tools.view.web.viewer import Viewer
 
 AT_ONCE = max(os.cpu_count() or 1, 2)
-"""Steps that are computed at the same time."""
+"""Largest number of works that run at the same time."""
 LIVE = "live"
 """Name of the stream among the projects."""
 BREATH = 0.2
-"""Least interval of what is sent to a page about projects [s]."""
+"""Least interval between two events of the list of projects [s]."""
 
 
 class Studio:
     """Clips on robots, in a folder.
 
     Args:
-        place: the folder; every clip has one of its own in it.
-        following: a robot that follows a stream.
+        place: the folder; it has a subfolder for each clip.
+        following: a robot that follows a stream; None without a stream.
     """
 
     def __init__(self, place: Path, following: LiveRobot | None = None) -> None:
         self.place, self.following = folder(place), following
         self.projects: dict[str, Project] = {}
         self.robots: dict[str, str] = {name: name for name in shipped_robots()}
-        """The robots that the page offers: name → what `load_robot` takes."""
+        """The robots on the page: name → argument of `load_robot`."""
         self._loaded = dict[str, rr.Robot]()
         self._read = dict[Path, rr.Motion]()
         self._pool, self._lock = ThreadPoolExecutor(AT_ONCE), Lock()
@@ -62,13 +62,13 @@ class Studio:
     # Projects and their steps.
 
     def changed(self) -> None:
-        """Tell every page that something has changed."""
+        """Notify every page of a change."""
         with self._changed:
             self._changes += 1
             self._changed.notify_all()
 
     def robot(self, model: str) -> rr.Robot:
-        """Return a robot, loaded once, its shapes ready to be drawn."""
+        """Load a robot once, and return it."""
         with self._lock:
             if model not in self._loaded:
                 self._loaded[model] = rr.load_robot(model)
@@ -84,18 +84,19 @@ class Studio:
         """Return a project.
 
         Raises:
-            UsageError: there is none of that name.
+            UsageError: no project has the key.
         """
         if key not in self.projects:
             raise UsageError(f"no project {key!r}; {known(self.projects, typed=key)}")
         return self.projects[key]
 
     def add(self, motion: Path, robot: str) -> Project:
-        """Add a clip on a robot, show it, and begin to solve it.
+        """Add a clip on a robot, show it, and start to solve it. A clip that is already on the robot keeps its project.
 
         Raises:
-            UsageError: the robot is not offered.
-            MotionError, RobotError, MatchError: a file cannot be read, or is of no human or humanoid.
+            UsageError: the robot is not on the page.
+            MotionError, RobotError: a file cannot be read.
+            MatchError: the motion is not human, or the robot is not a humanoid.
         """
         if robot not in self.robots:
             raise UsageError(f"no robot {robot!r}; {known(self.robots, typed=robot)}")
@@ -113,7 +114,7 @@ class Studio:
         return project
 
     def begin(self, project: Project, *steps: Callable[[Work], None]) -> None:
-        """Begin steps of a project, one after the other, as soon as a processor is free; a running step is stopped."""
+        """Stop the present work of a project and queue steps. They run one after the other in a thread of the pool."""
         work = project.waits()
 
         def run() -> None:
@@ -126,11 +127,11 @@ class Studio:
         self._pool.submit(run)
 
     def act(self, project: Project, what: str, message: dict[str, Any]) -> None:
-        """Do what a page asks of a project.
+        """Apply a request of a page to a project.
 
         Raises:
-            UsageError: it asks for something else, or for what cannot be.
-            MatchError: a keypoint cannot be where it was put.
+            UsageError: the request or its value is unknown.
+            MatchError: a keypoint, joint or body is unknown, or does not fit.
         """
         value = message.get("value")
         match what:
@@ -160,10 +161,10 @@ class Studio:
     # Files from the page, and from the command line.
 
     def bring(self, path: Path, robot: str) -> None:
-        """Add a clip, or the clips of a folder, that lie elsewhere: each is copied into a folder of its own.
+        """Add a clip, or the clips of a folder, from outside the studio; copy each into a new subfolder.
 
         Raises:
-            RobotRetargetError: the robot or the clip cannot be read; of a folder, none of its files can.
+            RobotRetargetError: the robot or the clip cannot be read, or no file of the folder can.
         """
         if robot not in self.robots:
             recognise(self.robot(robot))
@@ -181,10 +182,10 @@ class Studio:
         return copied
 
     def _each(self, files: list[Path], take: Callable[[Path], Any]) -> list[str]:
-        """Take files; return the reasons of those that are left out.
+        """Call `take` with each file; return the reasons of the refused ones.
 
         Raises:
-            RobotRetargetError: all are.
+            RobotRetargetError: `take` refuses every file; the error is that of the first.
         """
         wrong = list[RobotRetargetError]()
         for file in files:
@@ -197,10 +198,10 @@ class Studio:
         return [str(error) for error in wrong]
 
     def taken(self, path: Path, robot: str) -> dict[str, Any]:
-        """Take a file that was dropped: a robot to choose from, or clips on a robot.
+        """Accept an uploaded file: add its robot to the list, or its clips on a robot.
 
         Raises:
-            RobotRetargetError: it is neither; its folder is removed.
+            RobotRetargetError: the file holds no robot and no clip; its folder is removed.
         """
         try:
             unpacked = unpacked_zip(path) if is_zip(path) and path.suffix.lower() == ".zip" else None
@@ -218,10 +219,10 @@ class Studio:
             shutil.rmtree(path.parent, ignore_errors=True)
             raise
 
-    # What the page asks for.
+    # Routes of the page.
 
     def lines(self) -> bytes:
-        """Return what pages list, as an event."""
+        """Return the lists of projects, robots and samples as a server-sent event."""
         projects = [project.line() for project in [*self.projects.values()]]
         samples = sorted(path.name for path in SAMPLES.glob("*.bvh"))
         facts = {"projects": projects, "robots": [*self.robots], "live": self.following is not None, "samples": samples}
@@ -259,7 +260,7 @@ class Studio:
         return Response(packed, media_type="application/octet-stream")
 
     def _recorded(self, take: dict[str, Any]) -> dict[str, Any]:
-        """Solve the performer's motion of a take, as any clip."""
+        """Add the performer's motion of a recorded take as a clip; return the take with its project."""
         if self.following is None or not take.get("motion"):
             return take
         model, copied = self.following.robot, self._copied(Path(take["motion"]))
@@ -276,7 +277,7 @@ class Studio:
         return JSONResponse({})
 
     async def _add(self, request: Request) -> Response:
-        """A sample, or a clip that is there, on a robot."""
+        """Add a sample, or the clip of a project, on a robot."""
         message = await message_of(request)
         robot, sample, of = (str(message.get(key, "")) for key in ("robot", "sample", "of"))
         if of:
@@ -315,7 +316,7 @@ class Studio:
         Raises:
             UsageError: the port is taken, or may not be used.
         """
-        self._pool.submit(self.robot, DEFAULT_ROBOT)  # the robot that is offered first is there before the first clip
+        self._pool.submit(self.robot, DEFAULT_ROBOT)  # the default robot is loaded before the first clip
         routes = [
             Route("/events", self._show_events),
             Route("/take", self._show_take),

@@ -1,4 +1,4 @@
-"""Files that a page sends: kept under their own name in a folder of their own, zips unpacked inside it."""
+"""Uploaded files: each has a new folder, into which a zip is unpacked."""
 
 import re
 import shutil
@@ -17,12 +17,12 @@ CHUNK = 1 << 20
 
 
 def plain_name(name: str) -> str:
-    """Return the file name of a path of any system, without characters that a shell or a system reads otherwise."""
+    """Return the file name of a POSIX or Windows path; an underscore replaces characters with a meaning in a shell or a file system."""
     return re.sub(r"[^\w.+-]+", "_", re.split(r"[/\\]", name)[-1]).lstrip(".-") or "unnamed"
 
 
 def place_for(studio: Path, name: str) -> Path:
-    """Make a folder of its own for a file, with its name, and a number where there is such a folder."""
+    """Make a new folder with the name of a file, and with a number if that folder exists."""
     stem = PurePosixPath(name).stem
     number = next(k for k in range(1, 10**6) if not (studio / _numbered(stem, k)).exists())
     return folder(studio / _numbered(stem, number))
@@ -36,7 +36,7 @@ def unpacked_zip(path: Path) -> Path:
     """Unpack a zip next to it and return the folder.
 
     Raises:
-        FileError: it is no zip, is too large, or holds a name that leads out of its folder. Nothing stays of it.
+        FileError: it is no zip, is too large, or holds a name that leads out of its folder; the unpacked files are removed.
     """
     target = path.with_suffix("")
     try:
@@ -70,9 +70,10 @@ def _require_inside(path: Path, member: ZipInfo) -> None:
 
 
 def robot_model(unpacked: Path) -> Path | None:
-    """Return the robot's model among unpacked files: the one that no other model includes, the shallowest first; None without one.
+    """Return the robot's model among unpacked files; None without one.
 
-    A `scene` shows a robot on a floor; where its robot has a file of its own, that one is taken.
+    A model has joints, and no other model names its file. Of several, the one in the shallowest folder is returned, and in one
+    folder the one without "scene" in its name.
     """
     found = [path for path in sorted(unpacked.rglob("*")) if path.suffix.lower() in MODELS]
     texts = {path: path.read_text(encoding="utf-8", errors="replace") for path in found}
@@ -84,11 +85,11 @@ def robot_model(unpacked: Path) -> Path | None:
 
 
 CLIPS = (".bvh", ".amc", ".c3d", ".glb", ".fbx", ".trc", ".mvnx", ".npz", ".npy", ".csv", ".json", ".pkl")
-"""Ends of the names of motions, those that one file of a data set has first."""
+"""Suffixes of motions in order of preference: single-file formats of capture first."""
 
 
 def motions_within(unpacked: Path) -> list[Path]:
-    """Return the motions of an unpacked zip: the files of one kind, or the folder itself.
+    """Return the motions of an unpacked zip: its files of the first suffix in `CLIPS` that occurs, else the folder itself.
 
     Raises:
         UsageError: it holds no file.

@@ -45,7 +45,7 @@ STYLE: dict[Any, Any] = {
 WIDTH = 4.7
 """Width of every chart [inches]: a telephone shows it at its own size, and a wide page shows two in a row."""
 LETTERS = 40
-"""Longest line of a name beside a chart [letters]: about half of its width."""
+"""Longest line of a name next to a chart [letters]: about half of its width."""
 LINE = 0.19
 """Height of a name [inches]."""
 CURVES = 6

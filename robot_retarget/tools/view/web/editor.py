@@ -28,17 +28,19 @@ class TakeEditor:
     """A take under touch-up. One request at a time changes it."""
 
     def __init__(self, take: Take, session: "Session | None", judge: Judge | None = None):
-        """Begin with a take; without a session it is only shown."""
+        """Start with a take; without a session it cannot be edited."""
         self.take, self.session, self.judge, self.lock = take, session, judge, Lock()
 
     def act(self, what: str, table: Any) -> dict[str, Any] | bytes:
         """Edit, undo, redo, check, judge or save; return the packed take, or the names of the saved files.
 
         Args:
-            table: of the edge, for `edit`.
+            what: one of `ACTS`.
+            table: the edge, for `edit`.
 
         Raises:
-            UsageError, GraphError: there is nothing to touch up, or the edit is refused.
+            UsageError: the editor has no session, or no judge for `judge`.
+            GraphError: the edit is refused.
         """
         with self.lock:
             if self.session is None:
@@ -54,7 +56,7 @@ class TakeEditor:
             return Viewer((self.take,)).packed({"touch": self.session.state()})
 
     def _show(self, session: "Session", what: str) -> None:
-        """Show what the session has, with its warnings where they were asked for."""
+        """Replace the take by the session's trajectory: `check` and `judge` add warnings, `judge` adds a verdict."""
         now = session.trajectory
         whole = what in ("check", "judge") and len(now) > 1
         warnings = warnings_of(now, self.take.robot) if whole else None
@@ -70,7 +72,7 @@ class TakeEditor:
 
 
 def _bounded(table: Any) -> dict[str, Any]:
-    """Return an edge from a page. JSON has no infinity, so the page sends it as a text."""
+    """Return the table of an edge from a page; texts in `at` become numbers, because JSON has no infinity."""
     if not isinstance(table, dict):
         raise ValueError("an edit is a table of keys and values")
     at = table.get("at")
@@ -78,7 +80,7 @@ def _bounded(table: Any) -> dict[str, Any]:
 
 
 class Acts(Protocol):
-    """What answers the requests of a page."""
+    """An object that answers the requests of a page."""
 
     def act(self, what: str, table: Any) -> dict[str, Any] | bytes: ...
 
@@ -87,7 +89,12 @@ ACTS = ("edit", "undo", "redo", "save", "check", "judge")
 
 
 def touch_routes(editor_of: Callable[[Request], Acts], acts: tuple[str, ...] = ACTS) -> list[BaseRoute]:
-    """Return the routes of touch-ups of the take that a request means."""
+    """Return a route for each act.
+
+    Args:
+        editor_of: returns the object that answers a request.
+        acts: names of the acts, which are the paths of the routes.
+    """
     from anyio.to_thread import run_sync
 
     async def act(request: Request) -> Response:
@@ -104,8 +111,9 @@ def serve_viewer(
     """Open a port for a viewer; `forever` answers.
 
     Args:
-        port: 0 takes one that is free.
-        session: touches up the first take.
+        viewer: the takes; the first one can be edited.
+        port: 0 selects a free port.
+        session: the touch-up of the first take.
         judge: passes the verdict on the first take after a touch-up.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Keyframes for a page, which holds them: they become a trajectory, are dragged, judged and saved here."""
+"""The server of the keyframe page. The page holds the keyframes; the server joins, drags, judges and saves them."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
@@ -20,16 +20,16 @@ from robot_retarget.tools.view.web.viewer import Viewer
 from robot_retarget.trajectory import Trajectory
 
 MOST = 2000
-"""Number of keyframes, by definition: more than the 1785 steps of a file of action pages."""
+"""Largest number of keyframes [-], by definition: more than the 1785 steps of a file of action pages."""
 
 
 class KeyframeDesk:
-    """Answers a page about the keyframes of a file."""
+    """Answers the requests of a page about the keyframes of a file."""
 
     ACTS = ("keyframes", "pose", "judge", "save")
 
     def __init__(self, file: KeyframeFile, judge: Callable[[Trajectory], Report]):
-        """Begin with a file, which only `save` writes; `judge` passes verdicts."""
+        """Start with a file, which only `save` writes; `judge` passes verdicts."""
         self.file, self._judge, self._shapes, self._lock = file, judge, shapes_of(file.robot), Lock()
 
     @property
@@ -42,11 +42,11 @@ class KeyframeDesk:
 
         Args:
             what: `keyframes`, `judge`, `save`, or `pose`.
-            table: `rows` of keyframes, by default those of the file; of a pose its number `at`, and a `keypoint` that is dragged to a
-                `place` [m].
+            table: `rows` of keyframes, by default those of the file; for `pose` the number `at` of its keyframe, and a `keypoint`
+                to drag to a `place` [m].
 
         Raises:
-            RobotRetargetError: the keyframes or the request are not as they must be.
+            RobotRetargetError: the keyframes or the request are invalid.
         """
         with self._lock:
             keys = _keyframes(table, self.file)
@@ -72,7 +72,7 @@ class KeyframeDesk:
         return take_of(trajectory, self.file.robot, report=report)
 
     def _pose(self, keys: list[Keyframe], table: dict[str, Any]) -> dict[str, Any]:
-        """Return the places of bodies and keypoints at a keyframe, and its angles."""
+        """Return the angles and the places of bodies and keypoints at a keyframe, after the drag of the table."""
         at, robot, reached = table.get("at"), self.file.robot, ""
         if not isinstance(at, int) or not 0 <= at < len(keys):
             raise UsageError(f"keyframes are 0 to {len(keys) - 1}, got {at!r}")
@@ -110,7 +110,7 @@ def _keyframes(table: Any, file: KeyframeFile) -> list[Keyframe]:
 
 
 def serve_keyframes(desk: KeyframeDesk, port: int = PORT) -> Served:
-    """Open a port for a page that makes keyframes; `forever` answers.
+    """Open a port for the keyframe page; `forever` answers.
 
     Raises:
         UsageError: the port is taken, or may not be used.

@@ -1,4 +1,4 @@
-"""A robot, its performer and the bodies around it, where the latest pose has them, for a page that is served."""
+"""The latest pose of a robot, its performer and the bodies around it, for a served page."""
 
 import json
 from collections import deque
@@ -36,19 +36,22 @@ from robot_retarget.tools.view.web.viewer import Viewer
 from robot_retarget.trajectory import Trajectory
 
 RECENT = 60
-"""Number of frames that rate and latency are taken from."""
+"""Number of frames for the rate and the latency."""
 LOST = 1.0
-"""The longest part of a take that a killed stream loses [s], by definition."""
+"""Least time between two writings of a take [s], by definition."""
 REWRITTEN = 20
 """A take is written again once this many times the time of the last writing have passed [-]: by definition it costs a twentieth of one processor."""
 
 
 class Recording:
-    """A take that is being recorded. Its file grows with it: at any time it holds all but the last second.
+    """A take that is being recorded.
+
+    Its file is written again every `LOST`, and less often once a writing takes longer than `LOST` / `REWRITTEN`. A killed stream
+    loses the part since the last writing.
 
     Args:
-        robot: it.
-        folder: where `take_N.npz` is written, with the next number that is free.
+        robot: the recorded robot.
+        folder: the folder of `take_N.npz`, with the least free number.
     """
 
     def __init__(self, robot: Robot, folder: Path) -> None:
@@ -59,7 +62,7 @@ class Recording:
         self._writer.start()
 
     def add(self, qpos: Floats, frame: Frame | None = None) -> None:
-        """Add a pose (nq,) at this time, and the frame of the performer that it follows."""
+        """Add a pose (nq,) at the present time, and its frame of the performer; frames of another skeleton are left out."""
         self._poses.append((monotonic(), np.array(qpos)))
         if frame is not None and (not self._frames or frame.skeleton is self._frames[-1].skeleton):
             self._frames.append(frame)
@@ -73,8 +76,8 @@ class Recording:
         """Write the whole take; return its length [s].
 
         Raises:
-            UsageError: it has no two poses.
-            OutputError: it cannot be written.
+            UsageError: the take has fewer than two poses.
+            OutputError: a file cannot be written.
         """
         self._stop.set()
         self._writer.join()
@@ -87,11 +90,11 @@ class Recording:
 
     @property
     def motion(self) -> Path:
-        """Where the performer's motion is once the take has ended, if there was one."""
+        """Path of the performer's motion; `end` writes it from two frames on."""
         return self.path.with_suffix(".bvh")
 
     def _performance(self) -> Motion:
-        """The performer's joints at an even rate, straight between frames."""
+        """Return the performer's joints at an even rate, by linear interpolation."""
         times = np.array([frame.arrived for frame in self._frames])
         joints = np.array([frame.positions for frame in self._frames])
         fps = round((len(times) - 1) / (times[-1] - times[0]), 3)
@@ -107,7 +110,7 @@ class Recording:
             pause = max(LOST, REWRITTEN * (perf_counter() - began))
 
     def _save(self) -> None:
-        """Write the poses that came until now, at an even rate."""
+        """Write the poses so far, at an even rate."""
         poses = self._poses[:]
         length = poses[-1][0] - poses[0][0] if len(poses) > 1 else 0.0
         if not length:
@@ -130,10 +133,10 @@ class LiveRobot:
         facts: Callable[[], dict[str, Any]] = dict,
         takes: Path = Path(),
     ) -> None:
-        """Begin with a standing robot.
+        """Start with a standing robot.
 
         Args:
-            robot: it.
+            robot: the robot of the stream.
             scene: the bodies around it.
             facts: figures of the stream for the page.
             takes: the folder of recorded takes.
@@ -161,9 +164,9 @@ class LiveRobot:
         Args:
             qpos: (nq,) of the robot.
             bodies: (7,) poses of the bodies around it by name.
-            size: of the bodies over their captured size [-].
-            human: (J, 3) joints of the performer [m], as large as the robot, above its middle on the floor.
-            frame: of the performer, for a take.
+            size: size of the bodies over their captured size [-].
+            human: (J, 3) joints of the performer, scaled to the robot, from the point of the floor under their middle [m].
+            frame: the performer's frame, for a take.
         """
         rows: dict[str, Any] = {"robot": np.round(poses(self.robot, qpos[None], self._shapes), 4).ravel().tolist()}
         if bodies:
@@ -178,24 +181,24 @@ class LiveRobot:
             self._changed.notify_all()
 
     def next(self, seen: int, timeout: float) -> tuple[int, bytes] | None:
-        """The latest pose as the page takes it, and its number, once that is not the one seen last."""
+        """Wait for a pose with another number than `seen`; return its number and its JSON, or None after the timeout [s]."""
         with self._changed:
             if not self._changed.wait_for(lambda: self._count != seen, timeout):
                 return None
             return self._count, self._pose
 
     def state(self) -> dict[str, Any]:
-        """Return the facts of the stream, and the length of a take that is being recorded [s]."""
+        """Return the facts of the stream, and the length of the present take [s]."""
         with self._changed:
             recording = None if self._take is None else self._take.length
         return self._facts() | {"recording": recording}
 
     def record(self) -> dict[str, Any]:
-        """Begin a take, or end it; its file is written as it goes (`Recording`).
+        """Start a take, or end the present one; return its files and its length [s] (`Recording`).
 
         Raises:
-            UsageError: it has no two poses.
-            OutputError: it cannot be written.
+            UsageError: the take has fewer than two poses.
+            OutputError: a file cannot be written.
         """
         with self._changed:
             take, self._take = self._take, None if self._take is not None else Recording(self.robot, self._folder)
@@ -205,7 +208,7 @@ class LiveRobot:
         return {"wrote": str(take.path), "seconds": seconds, "motion": str(motion) if motion.exists() else None}
 
     def end(self) -> dict[str, Any]:
-        """End a take that is being recorded, if there is one; return where it is, as `record` does."""
+        """End a take of two poses or more, as `record` does; return an empty table without one."""
         return self.record() if self._take is not None and self._take.length else {}
 
 
@@ -217,7 +220,8 @@ def live_routes(following: LiveRobot, taken: Callable[[dict[str, Any]], dict[str
     """Return the routes of poses, as server-sent events until the page is closed, and of recorded takes.
 
     Args:
-        taken: returns what the page hears of a take, from what `LiveRobot.record` returns.
+        following: the robot of the stream.
+        taken: returns the answer to the page, from the table of `LiveRobot.record`.
     """
 
     async def events() -> AsyncIterator[bytes]:
@@ -241,17 +245,17 @@ def live_routes(following: LiveRobot, taken: Callable[[dict[str, Any]], dict[str
 
 
 class PageSink:
-    """What a page that follows a stream shows: `robot` goes to its server."""
+    """Shows a stream on a page; the page's server takes `robot`."""
 
     def __init__(self, robot: Robot, scene: Scene | None = None, source: str = "") -> None:
-        """Begin with a standing robot; `source` is where frames come from, in words."""
+        """Start with a standing robot; `source` describes the source of the frames in words."""
         self.robot: LiveRobot = LiveRobot(robot, scene, self._facts)
         self._loop: Loop | None = None
         self._source, self._height, self._frames = source, height_of(robot), deque[float](maxlen=RECENT)
         self._performer: tuple[Any, float] | None = None
 
     def follow(self, loop: Loop) -> None:
-        """Show the performer of a loop too, and its state."""
+        """Show the performer and the state of a loop as well."""
         self._loop = loop
 
     def show(self, pose: LivePose) -> None:
@@ -262,7 +266,7 @@ class PageSink:
         self.robot.show(pose.qpos, pose.bodies, pose.size, None if frame is None else self._scaled(frame), new)
 
     def _scaled(self, frame: Frame) -> Floats:
-        """(J, 3) the performer as tall as the robot, its lowest joint a hand's breadth of flesh above the floor [m]."""
+        """Return (J, 3) the performer's joints [m]; their largest extent is the robot's height, and the lowest is `SKIN` of it above the floor."""
         points = frame.positions
         if self._performer is None or self._performer[0] is not frame.skeleton:
             extent = float(np.linalg.norm(points[:, None] - points, axis=-1).max())

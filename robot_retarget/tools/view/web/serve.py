@@ -1,7 +1,7 @@
 """Pages over HTTP, for a browser on this machine or at the other end of an ssh tunnel: uvicorn and Starlette behind one guard.
 
-A request needs the token of the address, a host name of this machine and, where a page sent it, that page's own origin. It has
-one deadline, and its body has a largest size.
+A request needs the token of the address and a host name of this machine. The origin of a page's request is the page itself. A request
+has one deadline, and its body has a largest size.
 """
 
 import secrets
@@ -47,14 +47,14 @@ POLICY = (
     "default-src 'none'; script-src 'nonce-{}' data:; style-src 'unsafe-inline'; img-src data: blob:; media-src blob:; "
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-"""What the page may load and run: its own modules, and nothing from elsewhere."""
+"""Content security policy: the page loads and runs its own modules only."""
 HEADERS = {
     "X-Frame-Options": "DENY",
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
     "Cache-Control": "no-store",
 }
-"""Of every answer: no page shows this one in a frame, no cache and no link keeps its address."""
+"""Headers of every answer: no frame shows the page, no cache keeps it, and no link passes on its address."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ class Served:
     listening: socket.socket
     app: Starlette
     token: str
-    """A token in its address; requests without it get no answer."""
+    """A token in its address; requests without it get status 403."""
 
     @property
     def port(self) -> int:
@@ -83,7 +83,7 @@ class Served:
         return Server(Config(self.app, http=InTime, ws="none", lifespan="off", **how))
 
     def forever(self) -> None:
-        """Serve until the process is interrupted, or `close`."""
+        """Serve until an interrupt or `close`."""
         with suppress(KeyboardInterrupt), self.listening:
             self._server.run(sockets=[self.listening])
 
@@ -97,7 +97,7 @@ class Served:
 
 
 class InTime(H11Protocol):
-    """A connection that is closed where a request is not whole in time."""
+    """A connection that closes when a request is incomplete at its deadline."""
 
     due: TimerHandle | None = None
 
@@ -124,14 +124,14 @@ class InTime(H11Protocol):
         super().connection_lost(exc)
 
     def _expect(self, seconds: float | None) -> None:
-        """Expect a whole request in a time [s], or nothing."""
+        """Close the connection after a time [s] without another call; None sets no deadline."""
         if self.due is not None:
             self.due.cancel()
         self.due = None if seconds is None else self.loop.call_later(seconds, self.transport.close)
 
 
 class OwnPageOnly:
-    """Passes on what the page itself asks for, and adds the headers of every answer."""
+    """Passes on requests of the page, refuses others, and adds `HEADERS` to every answer."""
 
     def __init__(self, app: ASGIApp, token: str) -> None:
         self._app, self._token = app, token
@@ -171,7 +171,7 @@ async def message_of(request: Request) -> Any:
 
     Raises:
         UsageError: it is no JSON.
-        HTTPException: it is too long, or another site's form sent it.
+        HTTPException: it is too long (413), or its content type is not JSON, as that of another site's form (404).
     """
     if not request.headers.get("content-type", "").startswith("application/json"):
         raise HTTPException(404)
@@ -191,8 +191,8 @@ def serve(page: Callable[[str], str], routes: Sequence[BaseRoute] = (), port: in
 
     Args:
         page: returns the HTML, from the nonce of its scripts.
-        routes: of what the page asks for.
-        port: 0 takes one that is free.
+        routes: the routes of the page's requests.
+        port: 0 selects a free port.
 
     Raises:
         UsageError: the port is taken, or may not be used.

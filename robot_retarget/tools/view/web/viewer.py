@@ -40,7 +40,7 @@ class Viewer:
         return self.packed({})
 
     def packed(self, more: dict[str, Any]) -> bytes:
-        """The takes, and more that the page is to know."""
+        """Return the packed takes; `more` adds entries to the header."""
         packer = Packer()
         return packer.packed({"takes": [take_header(take, packer) for take in self.takes], **more})
 
@@ -53,8 +53,8 @@ class Viewer:
         """The HTML.
 
         Args:
-            kind: `viewer`, or where a server answers `touch` (touch-ups) or `studio`.
-            nonce: of its scripts, as the server's policy names it.
+            kind: `viewer`, or with a server `touch` (touch-ups), `keyframes` or `studio`.
+            nonce: nonce of its scripts in the server's policy.
         """
         return rendered(
             ASSETS / "page.html",
@@ -86,13 +86,13 @@ def view(
     robot: "Robot | str | Path | None" = None,
     motion: "Motion | None" = None,
 ) -> Viewer:
-    """Look at motions of robots side by side: `.save("page.html")`, or the cell of a notebook.
+    """Show motions of robots side by side, in a notebook or with `.save("page.html")`.
 
     Args:
         shown: results of `retarget`, trajectories, files that `load_trajectory` reads, or takes.
-        report: of the first (`simulate`), for its badge and its simulated motion; by default the one beside a file.
-        robot: of trajectories and files; by default the robot that they name.
-        motion: the human that trajectories and files come from, to show it too.
+        report: the report of the first motion (`simulate`), for badge and simulated motion; by default the one next to its file.
+        robot: the robot of trajectories and files; by default the robot that they name.
+        motion: the human motion of trajectories and files.
 
     Raises:
         RobotError: the robot that a trajectory names is not known: give `robot`.
@@ -127,7 +127,7 @@ def _take(
 
 
 STUDIO = {"live.js", "studio.js", "zip.js"}
-"""Scripts that other pages do not load."""
+"""Scripts of the studio's page only."""
 
 
 def _scripts(kind: str) -> list[Path]:
@@ -139,5 +139,5 @@ def _asset(name: str) -> str:
 
 
 def _module(path: Path) -> str:
-    """A script as an address that a page without a server can import from."""
+    """Return a script as a data URL, which a page without a server can import."""
     return "data:text/javascript;base64," + base64.b64encode(path.read_bytes()).decode("ascii")
