@@ -37,7 +37,7 @@ TRIANGLES = 60_000
 FEWEST = 40
 """Smallest number of triangles of a simplified mesh."""
 PLAIN = (0.5, 0.5, 0.5, 1.0)
-"""MuJoCo's colour of a geom that was given none; its material's counts then."""
+"""MuJoCo's colour of a geom without its own; the colour of its material replaces it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,9 +59,10 @@ class Shape:
 
 
 def shapes_of(robot: Robot, triangles: int = TRIANGLES) -> list[Shape]:
-    """The visible geoms of a robot, the collision geoms of a body without visible ones, the links of a robot without geoms.
+    """Return the visible geoms of a robot, the collision geoms of a body without visible ones, the links of a robot without geoms.
 
     Args:
+        robot: the robot.
         triangles: limit of all meshes together; meshes are simplified evenly if the extra `view` is installed, else
             they are unchanged.
     """
@@ -76,7 +77,7 @@ def shapes_of(robot: Robot, triangles: int = TRIANGLES) -> list[Shape]:
 
 
 def shapes_of_scene(scene: Scene) -> list[Shape]:
-    """The bodies of a scene in their own frames, each under its index; planes are not drawn."""
+    """Return the bodies of a scene in their own frames, each under its index, without planes."""
     found = []
     for k, body in enumerate(scene.bodies):
         if body.shape.kind is not ShapeKind.PLANE:
@@ -116,7 +117,7 @@ def _field(shape: BodyShape) -> tuple[Floats, Ints]:
 
 
 def _links(robot: Robot) -> list[Shape]:
-    """A capsule from the origin of each linked body's parent to its own."""
+    """Return a capsule from the origin of each linked body's parent to its own."""
     model, found = robot.model, []
     for body in linked(model).tolist():
         end = model.body_pos[body]
@@ -138,7 +139,7 @@ def _shape(model: mujoco.MjModel, geom: int, mesh: tuple[Floats, Ints] | None) -
 
 
 def _mesh(model: mujoco.MjModel, geom: int) -> tuple[Floats, Ints]:
-    """Vertices and triangles as they were compiled, vertices that coincide made one."""
+    """Return the compiled vertices and triangles; coincident vertices are merged."""
     mesh = int(model.geom_dataid[geom])
     first, faces = int(model.mesh_vertadr[mesh]), int(model.mesh_faceadr[mesh])
     vertices = model.mesh_vert[first : first + int(model.mesh_vertnum[mesh])]
@@ -162,13 +163,13 @@ def _thinned(vertices: Floats, triangles: Ints, most: int) -> tuple[Floats, Ints
 # Layers over a robot in motion: keypoints, joints, footholds and support, near pairs.
 
 PAIRS = 12
-"""Number of pairs of links that are shown, the nearest first."""
+"""Largest number of shown pairs of links, the nearest first."""
 NEAR_PAIR = 0.05
 """Pairs whose interaction distance is under this part of the robot's height are near."""
 
 
 def keypoints_of(robot: Robot, qpos: Floats) -> tuple[tuple[str, ...], Floats, Ints] | None:
-    """Names (K), places (T, K, 3) [m] and bones (B, 2) of the keypoints at configurations (T, nq); None for a robot that is no humanoid."""
+    """Return names (K), places (T, K, 3) [m] and bones (B, 2) of the keypoints at configurations (T, nq); None for a robot that is no humanoid."""
     try:
         anatomy = recognise(robot)
     except MatchError:
@@ -179,7 +180,7 @@ def keypoints_of(robot: Robot, qpos: Floats) -> tuple[tuple[str, ...], Floats, I
 
 
 def anchors(robot: Robot, qpos: Floats) -> Floats:
-    """Where the hinges are (T, n, 3) at configurations (T, nq) [m]."""
+    """Return the places of the hinges (T, n, 3) at configurations (T, nq) [m]."""
     data, found = mujoco.MjData(robot.model), np.empty((len(qpos), len(robot.joint_ids), 3))
     for t, q in enumerate(qpos):
         data.qpos[:] = q
@@ -189,7 +190,7 @@ def anchors(robot: Robot, qpos: Floats) -> Floats:
 
 
 def outline(corners: Floats) -> Floats:
-    """The convex hull (N, 2) of points (M, 2), anticlockwise; points without an interior are returned unchanged [m]."""
+    """Return the convex hull (N, 2) of points (M, 2), anticlockwise; points without an interior are returned unchanged [m]."""
     try:
         return corners[ConvexHull(corners).vertices]
     except (QhullError, ValueError):
@@ -197,10 +198,10 @@ def outline(corners: Floats) -> Floats:
 
 
 def footholds(stance: Stance) -> list[dict[str, Any]]:
-    """Every stretch of a foot on the floor, by feet, in order of time: frames, and outline and height of the sole points that carry [m].
+    """Return every stretch of a foot on the floor, by feet, in order of time: frames, and outline and height of the sole points that carry [m].
 
     Args:
-        stance: at times of frames; what carries is that of the middle of a stretch.
+        stance: stance at the times of frames; the middle of a stretch gives its sole points.
     """
     found = []
     for k, name in enumerate(stance.feet.names):
@@ -217,14 +218,15 @@ def footholds(stance: Stance) -> list[dict[str, Any]]:
 
 
 def near_pairs(staging: Staging, warnings: Warnings) -> tuple[Ints, Floats]:
-    """The pairs of links that come near (P,), as columns of the warnings, and the nearest points (T, P, 2, 3) of their surfaces [m].
+    """Return the pairs of links that come near (P,), as columns of the warnings, and the nearest points (T, P, 2, 3) of their surfaces [m].
 
-    Distances are MuJoCo's of geoms; points are NaN where a pair is far apart.
+    Distances are MuJoCo's of geoms; points are NaN in frames in which a pair is not near.
 
     Pairs that are near most of the time are neighbours by construction; they are shown during warnings only.
 
     Args:
-        staging: of all frames of the warnings.
+        staging: robot and scene at all frames of the warnings.
+        warnings: the warnings.
     """
     robot, qpos, scene = staging.robot, staging.qpos, staging.scene
     near = warnings.ahead < min(NEAR_PAIR * staging.height, warnings.reach)
@@ -248,7 +250,7 @@ def near_pairs(staging: Staging, warnings: Warnings) -> tuple[Ints, Floats]:
 
 
 def _nearest(model: mujoco.MjModel, data: mujoco.MjData, first: list[int], second: list[int]) -> Floats:
-    """The ends (2, 3) of the shortest line between two lists of geoms [m]."""
+    """Return the ends (2, 3) of the shortest line between two lists of geoms [m]; NaN from 1 m on."""
     best, line, found = np.inf, np.zeros(6), np.full(6, np.nan)
     for a in first:
         for b in second:

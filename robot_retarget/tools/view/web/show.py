@@ -39,7 +39,7 @@ PLACE_STEP = 1e-4
 TURN = 1 / 16384
 """Step of poses: places [m] and quaternions [-] alike; two metres fit into two bytes."""
 ANGLE = 1e-4
-"""Step of joint angles [rad] and, a thousandfold, of anything that is read off a chart."""
+"""Step of joint angles [rad]; that of joint speeds is ten times as large [rad/s]."""
 
 
 class Packer:
@@ -68,7 +68,7 @@ class Packer:
         return place
 
     def packed(self, header: Any) -> bytes:
-        """Header and arrays, compressed; the same content always gives the same bytes.
+        """Return header and arrays, compressed; the same content always gives the same bytes.
 
         Raises:
             ValueError: the header holds a number that is not finite.
@@ -81,13 +81,13 @@ class Packer:
 # Stress by kind of edge, and the edges between keypoints with the largest cost.
 
 EDGES = 60
-"""Number of edges in the page, the costliest over the clip first; it draws five of them until more are chosen."""
+"""Number of edges in the page, the costliest over the clip first; the page draws five of them at first."""
 EDGE_STEP = 1e-3
 """Resolution of edges: metres, and shares of the largest."""
 
 
 def stress_of(solution: Solution, packer: Packer) -> dict[str, Any]:
-    """The cost of every kind by frame, and the edges: kind, ends, target interval, measured distance, π, stress."""
+    """Return the cost of every kind by frame, and the edges: kind, ends, target interval, measured distance, π, stress."""
     kinds = {name: values for name, values in solution.stress.items() if np.any(values > 0)}
     cost = np.stack(list(kinds.values()), axis=1) if kinds else np.zeros((len(solution.cost), 0))
     return {"kinds": list(kinds), "cost": packer.add(cost, _step(cost)), "edges": _edges(solution, packer)}
@@ -118,7 +118,7 @@ def _edges(solution: Solution, packer: Packer) -> dict[str, Any] | None:
 
 
 def _step(values: Floats) -> float:
-    """A thousandth of the largest value."""
+    """Return a thousandth of the largest value."""
     return float(np.max(values, initial=0.0)) * EDGE_STEP or EDGE_STEP
 
 
@@ -164,7 +164,7 @@ def take_header(take: Take, packer: Packer) -> dict[str, Any]:
 
 
 def _reach(staging: Staging) -> float:
-    """How far to either side of its way a robot and its human reach [m]."""
+    """Return the reach of a robot and its human to either side of the robot's path [m]."""
     places, _ = body_frames(staging.robot, staging.qpos[:: max(len(staging.qpos) // 40, 1)])
     way = places[:, staging.robot.root_body, None]
     reach = np.abs((places[:, 1:] - way) @ staging.right).max() + 0.1 * staging.height
@@ -177,7 +177,7 @@ def seen(shapes: list[Shape]) -> list[int]:
 
 
 def _bodies(robot: Robot, shapes: list[Shape]) -> list[dict[str, Any]]:
-    """Names of the bodies that are seen, and the last hinge that moves each."""
+    """Return the names of the bodies with shapes, and the last hinge that moves each."""
     found, owners = [], robot.model.jnt_bodyid[robot.joint_ids]
     for body in seen(shapes):
         path = path_to_root(robot.model.body_parentid, body)
@@ -199,7 +199,7 @@ def _shape(shape: Shape, packer: Packer) -> dict[str, Any]:
 
 
 def poses(robot: Robot, qpos: Floats, shapes: list[Shape]) -> Floats:
-    """(T, B, 7) places [m] and quaternions x y z w of the bodies that are seen."""
+    """Return (T, B, 7) places [m] and quaternions x y z w of the bodies with shapes."""
     bodies = seen(shapes)
     places, turns = body_frames(robot, qpos)
     quaternions = Rotation.from_matrix(turns[:, bodies].reshape(-1, 3, 3)).as_quat().reshape(len(qpos), -1, 4)
@@ -207,7 +207,7 @@ def poses(robot: Robot, qpos: Floats, shapes: list[Shape]) -> Floats:
 
 
 def _around(scene: Scene, frames: int, packer: Packer) -> dict[str, Any]:
-    """Return names, shapes and poses of the bodies around a robot that are seen."""
+    """Return names, shapes and poses of the drawn bodies around a robot."""
     shapes = shapes_of_scene(scene)
     drawn = seen(shapes)
     paths = scene.poses(frames)[:, drawn][..., SCALAR_LAST]
@@ -254,7 +254,7 @@ def _joints(take: Take, packer: Packer) -> dict[str, Any]:
 
 
 def _stance(stance: Stance, packer: Packer) -> dict[str, Any]:
-    """Footholds and contact schedule by foot; support, centre of mass and zero moment point by frame."""
+    """Return footholds and contact schedule by foot; support, centre of mass and zero moment point by frame."""
     outlines = [outline(points[down, :2]) for points, down in zip(stance.points, stance.down, strict=True)]
     return {
         "feet": list(stance.feet.names),
@@ -270,7 +270,7 @@ def _stance(stance: Stance, packer: Packer) -> dict[str, Any]:
 
 
 def _warnings(take: Take, staging: Staging, packer: Packer) -> dict[str, Any]:
-    """The nearest pairs by frame, and every warning as a stretch."""
+    """Return the nearest pairs by frame, and every warning as a stretch of frames."""
     warnings = take.warnings
     assert warnings is not None
     columns, ends = near_pairs(staging, warnings)

@@ -24,7 +24,7 @@ class Human:
     points: Floats
     """(T', K, 3), z up [m]."""
     bones: Ints
-    """(B, 2) which keypoints a bone joins."""
+    """(B, 2) the keypoints at the ends of the bones."""
     names: tuple[str, ...]
     """K keypoints."""
 
@@ -40,15 +40,15 @@ class Take:
     robot: Robot
     trajectory: Trajectory
     human: Human | None = None
-    """The motion that it came from."""
+    """The motion of the trajectory's source."""
     warnings: Warnings | None = None
-    """Of the trajectory (`warnings_of`)."""
+    """Warnings of the trajectory (`warnings_of`)."""
     report: Report | None = None
-    """Of the trajectory (`simulate`), or of it before a touch-up."""
+    """Report of the trajectory (`simulate`), or of the one before a touch-up."""
     solution: Solution | None = None
     """The solution of the trajectory, for the stress of its edges."""
     before: Trajectory | None = None
-    """As it was before the latest touch-up, frame by frame."""
+    """The trajectory before the latest touch-up or solution, frame by frame."""
     name: str = ""
     """Its name among other takes, such as that of a file; by default its source."""
 
@@ -57,7 +57,7 @@ class Take:
 
     @property
     def title(self) -> str:
-        """Its title."""
+        """Name of the take and of its robot."""
         return f"{self.name or self.trajectory.source or 'a trajectory'} on {self.robot.name}"
 
     @property
@@ -68,7 +68,7 @@ class Take:
 
 
 def human_of(match: Match, motion: Motion) -> Human:
-    """The human of a motion, in all its keypoints."""
+    """Return the human of a motion, with all its keypoints."""
     return Human(*match.figure(motion), match.recognition.keypoints)
 
 
@@ -81,12 +81,15 @@ def take_of(
     report: Report | None = None,
     name: str = "",
 ) -> Take:
-    """A trajectory with what can be said of it: its warnings, and the human where a motion is given.
+    """Return a trajectory with its warnings, and with the human of a motion.
 
     Args:
-        motion: the trajectory's source; it is shown at the times that the trajectory answers to.
+        trajectory: the trajectory.
+        robot: its robot.
+        motion: the trajectory's source; the page shows it at the source times of the trajectory.
         overrides: a TOML file that replaces lines of the keypoint map (`human.match.match`).
-        name: of the take among others.
+        report: the report of the trajectory.
+        name: name of the take among others.
 
     Raises:
         TrajectoryError: the trajectory belongs to another robot.
@@ -107,5 +110,5 @@ def file_names(paths: Sequence[Path]) -> list[str]:
 
 
 def _in_step(motion: Motion, trajectory: Trajectory) -> Motion:
-    """The motion at the frames of the trajectory."""
+    """Return the motion at the frames of the trajectory."""
     return motion.at_source_time(trajectory.source_time, trajectory.fps)
