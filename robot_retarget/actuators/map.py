@@ -264,7 +264,7 @@ class ServoMap:
 
     @property
     def watchdog(self) -> float:
-        """Time without a message after which the servos stop [s]; 0 where they have no watchdog."""
+        """Time without a message after which the servos stop [s]; 0 without a watchdog."""
         return self.limits.watchdog if all("bus_watchdog" in servo.type.registers for servo in self.servos) else 0.0
 
     @property

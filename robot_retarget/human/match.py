@@ -121,7 +121,7 @@ class Match:
 
     @cached_property
     def human_paths(self) -> Floats:
-        """(K, K) τ_uv, length of the path of the human's bones between two keypoints [m]; ∞ where it is 0."""
+        """(K, K) τ_uv, length of the path of the human's bones between two keypoints [m]; ∞ in place of 0."""
         tau = path_weights(self.parents, self.human_bones)
         return np.where(tau > 0, tau, np.inf)
 
