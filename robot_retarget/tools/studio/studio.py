@@ -30,7 +30,6 @@ from robot_retarget.tools.view.web import serve as web
 from robot_retarget.tools.view.web.editor import TakeEditor, touch_routes
 from robot_retarget.tools.view.web.live import LiveRobot, live_routes
 from robot_retarget.tools.view.web.serve import Served, message_of, serve
-from robot_retarget.tools.view.web.shapes import shapes_of
 from robot_retarget.tools.view.web.viewer import Viewer
 
 AT_ONCE = max(os.cpu_count() or 1, 2)
@@ -72,7 +71,6 @@ class Studio:
         with self._lock:
             if model not in self._loaded:
                 self._loaded[model] = rr.load_robot(model)
-                shapes_of(self._loaded[model])
             return self._loaded[model]
 
     def _motion(self, path: Path) -> rr.Motion:
