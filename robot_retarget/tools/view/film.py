@@ -42,6 +42,8 @@ def painter(
 
 STRIP_HEIGHT = 480
 """Of the strip [pixels]."""
+STRIP_ROWS = 14
+"""Rows of text that the height of a strip holds: six moments on a page of 390 pixels have letters of 7 pixels."""
 STRIP_GAP = 4
 """White between two moments [pixels]."""
 
@@ -73,7 +75,7 @@ def strip(
     if missing := without_pillow():
         return missing
     with painter(staging, round(height * staging.aspect), height) as (paint, note):
-        moments = [labelled(paint(k), f"{time:.1f} s") for k, time in enumerate(staging.times)]
+        moments = [labelled(paint(k), f"{time:.1f} s", STRIP_ROWS) for k, time in enumerate(staging.times)]
     gap = np.full((height, STRIP_GAP, 3), 255, np.uint8)
     columns = [part for moment in moments for part in (moment, gap)][:-1]
     return Picture(np.concatenate(columns, axis=1), note)

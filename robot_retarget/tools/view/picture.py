@@ -65,12 +65,12 @@ def without_pillow() -> Unavailable | None:
     return None
 
 
-def labelled(pixels: Pixels, text: str) -> Pixels:
-    """The image with a line of text in its lower left corner."""
+def labelled(pixels: Pixels, text: str, rows: int = 24) -> Pixels:
+    """Return the image with a line of text in its lower left corner; `rows` such lines have the height of the image."""
     from PIL import Image, ImageDraw
 
     image = Image.fromarray(pixels)
-    size = max(image.height // 24, 11)
+    size = max(image.height // rows, 11)
     ImageDraw.Draw(image).text((size * 0.8, image.height - size * 0.7), text, INK, font(size), anchor="ls")
     return np.asarray(image)
 
