@@ -48,6 +48,7 @@ def save_page(rows: Sequence[Row], chosen: Sequence[Chosen], cards: Sequence[Cli
     """Write the page, whole or not at all."""
     states = Counter(row.state for row in rows)
     reasons = reasons_of(chosen)
+    histograms = {name: found for name in SHOWN if (found := _histogram(rows, name))}
     page = rendered(
         TEMPLATE,
         style=STYLE.read_text(encoding="utf-8"),
@@ -56,18 +57,18 @@ def save_page(rows: Sequence[Row], chosen: Sequence[Chosen], cards: Sequence[Cli
         filters=[_filter(one) for one in chosen],
         width=WIDTH,
         height=HEIGHT,
-        histograms=[found for name in SHOWN if (found := _histogram(rows, name))],
+        histograms=[*histograms.values()],
         cards=cards,
-        columns=["clip", "robot", "state", "frames", *SHOWN],
+        columns=["clip", "robot", "state", "frames", *histograms],
         rows=[
             {
-                "values": [row.clip, row.robot, row.state, row.frames, *(row.figures.get(name) for name in SHOWN)],
+                "values": [row.clip, row.robot, row.state, row.frames, *(row.figures.get(name) for name in histograms)],
                 "why": reasons.get(row.key, []),
                 "message": row.message,
             }
             for row in rows
         ],
-        units={name: FIGURES[name].unit for name in SHOWN},
+        units={name: FIGURES[name].unit for name in histograms},
     )
     return write_text(path, page)
 
@@ -81,9 +82,8 @@ def _filter(one: Chosen) -> tuple[str, str, list[str]]:
 
 def _kind(reason: str) -> str:
     """Return a reason without its value: the figure and its bound, or the state of a clip that failed."""
-    return (
-        re.sub(r"^(\S+) \S+ (.*?)is (above|below)", r"\1 \3", reason) if " is " in reason else reason.partition(":")[0]
-    )
+    bound = re.sub(r"^(\S+) \S+ (.*?)is (above|below)", r"\1 \3", reason)
+    return bound if " is " in reason else reason.partition(":")[0]
 
 
 def reasons_of(chosen: Sequence[Chosen]) -> dict[tuple[str, str], list[str]]:
