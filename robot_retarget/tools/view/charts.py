@@ -210,14 +210,13 @@ def timeline(report: Report, warnings: Warnings | None) -> list[Chart]:
 
     def draw(axes: Any) -> None:
         for row, pair in enumerate(shown):
+            links, fps = warnings.pairs[pair], warnings.fps
             for flags, colour, alpha in ((warnings.flagged, PLAIN, 0.55), (warnings.touching, ALARM, 1.0)):
-                bars = [
-                    (first / warnings.fps, (stop - first) / warnings.fps) for first, stop in intervals(flags[:, pair])
-                ]
+                bars = [(first / fps, (stop - first) / fps) for first, stop in intervals(flags[:, pair])]
                 axes.broken_barh(bars, (row, 0.4), color=colour, alpha=alpha, lw=0)
-            at = [time for links, time in report.touches if links == frozenset(warnings.pairs[pair])]
+            at = [time for touching, time in report.touches if touching == frozenset(links)]
             axes.plot(at, [row + 0.2] * len(at), "v", color=ALARM, ms=4.5, mew=0)
-            axes.text(0, row - 0.05, " – ".join(warnings.pairs[pair]), va="bottom")
+            axes.annotate(" – ".join(links), (0, row - 0.05), (4, 0), textcoords="offset points", va="bottom")
         axes.set_yticks([])
         axes.set_ylim(len(shown) - 0.5, -0.7)
         axes.set_xlim(0, max(len(warnings) - 1, 1) / warnings.fps)
