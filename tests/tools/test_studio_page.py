@@ -117,6 +117,18 @@ def test_a_second_browser_sees_the_same_clips(studio: Opened, page: Tab) -> None
         assert rr.load_trajectory(studio.studio.project(key).trajectory_file).robot == "g1_class"
 
 
+def test_a_file_that_is_left_out_is_named_beside_the_clip_that_came_with_it(page: Tab, tmp_path: Path) -> None:
+    short_clip(tmp_path).rename(tmp_path / "second.bvh")
+    files = [["broken.bvh", "HIERARCHY x"], ["second.bvh", (tmp_path / "second.bvh").read_text(encoding="utf-8")]]
+    page.driver.execute_script(
+        "const t = new DataTransfer(); arguments[0].forEach(([name, text]) => t.items.add(new File([text], name)));"
+        "document.dispatchEvent(new DragEvent('drop', { dataTransfer: t, bubbles: true, cancelable: true }))",
+        files,
+    )
+    page.until("return viewer.studio.line?.clip === 'second.bvh' && viewer.studio.facts && viewer.takes.length === 1")
+    assert "broken.bvh" in page.run("return document.getElementById('message').textContent")
+
+
 def test_every_control_is_reached_by_keys_and_has_a_name(page: Tab) -> None:
     page.run("document.querySelectorAll('details').forEach((fold) => (fold.open = true))")
     nameless = page.run(

@@ -73,9 +73,13 @@ export class Studio {
   }
 
   /** Do something that the server may refuse. */
-  async #ask(act) {
+  #ask(act) {
+    this.#say("");
+    return this.#try(act);
+  }
+
+  async #try(act) {
     try {
-      this.#say("");
       return await act();
     } catch (error) {
       this.#say(error.message, true);
@@ -108,18 +112,29 @@ export class Studio {
     const alone = files.length === 1 || files.every(({ path }) => /\.bvh$/i.test(path));
     const name = files[0].path.split("/")[0].replace(/\.\w+$/, "");
     const sent = alone ? files.map(({ path, file }) => [path, file]) : [[`${name}.zip`, await zipped(files)]];
-    for (const [path, file] of sent) await this.#ask(async () => this.#came(await (await post("drop", file, { name: path, robot: this.robot.value })).json()));
+    this.#say(`Reading ${files.length === 1 ? files[0].path : name} …`);
+    const wrong = [];
+    for (const [path, file] of sent) {
+      try {
+        const answer = await (await post("drop", file, { name: path, robot: this.robot.value })).json();
+        wrong.push(...(answer.left_out ?? []).map((why) => `left out: ${why}`));
+        await this.#came(answer);
+      } catch (error) {
+        wrong.push(error.message);
+      }
+    }
+    if (wrong.length) this.#say(wrong.join("; "), true);
   }
 
   async #add(what) {
     this.#came(await (await post("add", what)).json());
   }
 
-  async #came({ projects, robot, left_out }) {
+  async #came({ projects, robot }) {
+    this.#say("");
     if (projects) location.hash = encodeURIComponent(projects[0]);
-    if (left_out?.length) this.#say(`Left out: ${left_out.join("; ")}`, true);
     if (!robot) return;
-    this.robot.append(made("option", { value: robot, textContent: robot }));
+    this.#offer([robot]);
     this.robot.value = robot;
     if (this.facts) await this.#add({ of: this.line.key, robot });
     else this.#say(`${robot} is there: drop a motion for it.`);
@@ -140,13 +155,17 @@ export class Studio {
 
   #heard({ projects, robots, samples, live }) {
     this.lines = live ? [{ key: LIVE, clip: "the stream", robot: "", state: "live", reasons: [], version: 1 }, ...projects] : projects;
-    if (live && !this.keys.length) return void (location.hash = LIVE);
-    const known = new Set([...this.robot.options].map(({ value }) => value));
-    this.robot.append(...robots.filter((name) => !known.has(name)).map((name) => made("option", { value: name, textContent: name.replaceAll("_", " "), selected: name === "op3" })));
+    this.#offer(robots);
     if (!$("samples").children.length) $("samples").append("or try ", ...samples.map((sample) => button(sample.replace(/\.bvh$/, "").replaceAll("_", " "), () => this.#ask(() => this.#add({ sample, robot: this.robot.value })))));
+    if (live && !this.keys.length) return void (location.hash = LIVE);
     if (this.facts && document.activeElement !== this.robot) this.robot.value = this.line.robot;
     this.#draw();
     this.#refresh();
+  }
+
+  #offer(robots) {
+    const known = new Set([...this.robot.options].map(({ value }) => value));
+    this.robot.append(...robots.filter((name) => !known.has(name)).map((name) => made("option", { value: name, textContent: name.replaceAll("_", " "), selected: name === "op3" })));
   }
 
   /** Fetch the pictures that have changed. */
@@ -157,13 +176,14 @@ export class Studio {
     this.fetching = true;
     const keys = this.keys.join("&");
     wanted.forEach(({ key, version }) => (this.versions[key] = version)); // what fails is not asked for again
-    await this.#ask(async () => {
+    await this.#try(async () => {
       const found = await Promise.all(wanted.map(async ({ key }) => decoded((await get("take", { project: key })).body)));
       if (keys !== this.keys.join("&")) return;
       if (keys === LIVE) return this.#follow(found[0].takes);
       this.facts = found[0].studio;
       wanted.forEach(({ key }, k) => (this.versions[key] = found[k].studio.version));
-      const shown = found.map(({ takes: [take], studio }) => ({ ...take, marks: studio.marks }));
+      const apart = ["robot", "clip"].find((key) => new Set(wanted.map((line) => line[key])).size === wanted.length);
+      const shown = found.map(({ takes: [take], studio }, k) => ({ ...take, name: wanted[k][apart] ?? take.title, marks: studio.marks }));
       this.mount(shown, this.mounted === keys && this.takes.length === shown.length);
       this.mounted = keys;
       this.panel.shown.before ||= false;
@@ -216,14 +236,14 @@ export class Studio {
 
   #row(line) {
     const on = line.key === this.keys[0], beside = this.keys.indexOf(line.key) > 0;
-    const open = made("a", { href: `#${encodeURIComponent(line.key)}`, ariaCurrent: on ? "true" : null },
-      made("b", { textContent: line.clip }), made("span", { textContent: line.robot }));
     const badge = made("i", { className: line.badge?.level ?? "plain", textContent: line.badge ? line.badge.text.split(" (")[0] : line.busy && line.share ? `${Math.round(100 * line.share)} %` : STATES[line.state] });
+    const open = made("a", { href: `#${encodeURIComponent(line.key)}`, ariaCurrent: on ? "true" : null },
+      made("b", { textContent: line.clip }), made("span", { textContent: line.robot }, badge));
     const other = button(beside ? "−" : "+", () => {
       const keys = beside ? this.keys.filter((key) => key !== line.key) : [...this.keys, line.key];
       location.hash = keys.map(encodeURIComponent).join("&");
-    }, { title: beside ? "not beside" : "show it beside", ariaLabel: `${line.clip} on ${line.robot} beside`, disabled: on });
-    return made("li", {}, open, badge, other, made("p", { textContent: line.error || line.reasons[0] || "" }));
+    }, { title: beside ? "not beside" : "show it beside", ariaLabel: `${line.clip} on ${line.robot} beside`, disabled: on || [line.key, this.keys[0]].includes(LIVE) });
+    return made("li", {}, open, other, made("p", { textContent: line.error || line.reasons[0] || "" }));
   }
 
   #drawWork(line) {
@@ -286,7 +306,7 @@ export class Studio {
   #drawBodies() {
     const { keypoints, joints, bodies, notes, solved } = this.facts, doubtful = keypoints.filter((row) => /doubt|guess|missing/.test(row.human_sure + row.robot_sure));
     this.fold.body.firstChild.textContent = `What was recognised · ${keypoints.length - doubtful.length} of ${keypoints.length} sure`;
-    const pick = (body, row, names) => select(`${worded(row.name)} of the ${body}`, [...new Set([row[body], ...names])], row[body], (value) => this.#do("mend", [body, row.name, value]));
+    const pick = (body, row, names) => select(`${worded(row.name)} of the ${body}`, [...new Set([row[body], ...names])], row[body], (value) => this.#do("mend", [body, row.name, value]), { "": "none" });
     this.fold.body.lastChild.replaceChildren(
       made("p", { className: "faint", textContent: "Choose another joint where one is wrong: the map is written, and the clip is solved again." }),
       made("dl", { className: "map" }, made("dt", { textContent: "keypoint" }), made("dd", { textContent: "human" }), made("dd", { textContent: "robot" }),
