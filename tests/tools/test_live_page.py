@@ -56,7 +56,7 @@ def test_the_robot_on_the_page_stands_where_the_latest_pose_has_it(tmp_path: Pat
             browser.until("return viewer.studio.live.poses > 0")
             assert abs(browser.run("return viewer.takes[0].poses.values[0]") - qpos[0]) < 1e-3
             after = browser.picture().astype(int)
-            assert (np.abs(after - before).max(axis=2) > 20).mean() > 0.01
+            assert (np.abs(after - before).max(axis=2) > 20).mean() > 0.005  # an arm is 0.9 % of the picture
             assert not browser.complaints()
     finally:
         served.close()

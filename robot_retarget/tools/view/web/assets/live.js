@@ -1,5 +1,6 @@
 // A stream: poses as they come from the server, in place of the first take's only frame, and the state of the stream beside them.
 
+import { Vector3 } from "#vendor";
 import { made } from "#dom";
 import { address, post } from "#server";
 import { Sticks } from "#sticks";
@@ -15,7 +16,7 @@ export class Live {
   constructor(cast, shown) {
     this.poses = 0;
     this.cast = cast;
-    cast.take.reach = Math.max(cast.take.reach, (ASIDE + 0.6) * cast.take.height); // the performer is in the picture too
+    this.aside = new Vector3(); // from the robot to the middle of the picture
     for (const id of Object.keys(cast.parts)) cast.show(id, id === "robot");
     this.#panel(document.getElementById("live"));
     const { poses, way, around } = cast.take, middle = way.values.slice(), first = poses.values.slice(0, 3);
@@ -28,7 +29,7 @@ export class Live {
         cast.parts.bodies.children.forEach((mesh) => mesh.scale.setScalar(size));
         cast.show("bodies", true);
       }
-      for (const k of [0, 1]) way.values[k] = middle[k] + poses.values[k] - first[k]; // the camera goes along
+      for (const k of [0, 1]) way.values[k] = middle[k] + poses.values[k] - first[k] + this.aside.getComponent(k); // the camera goes along
       if (human) this.#human(human);
       this.poses += 1;
       shown();
@@ -67,15 +68,17 @@ export class Live {
   #joined(bones) {
     this.joined = JSON.stringify(bones);
     this.sticks?.removeFromParent();
-    const radius = THICK * this.cast.take.height;
+    const { take } = this.cast, radius = THICK * take.height;
+    this.aside = rightOf(take.azimuth).multiplyScalar((-ASIDE / 2) * take.height);
+    take.reach = Math.max(take.reach, (ASIDE / 2 + 0.6) * take.height); // the performer is in the picture too
     this.sticks = new Sticks(bones, bones.map(() => radius), [...new Set(bones.flat())].map((k) => [k, 1.3 * radius]), { color: HUMAN });
     this.cast.add(this.sticks);
   }
 
   #human(points) {
     if (!this.sticks) return;
-    const { azimuth, height, way } = this.cast.take, beside = rightOf(azimuth).multiplyScalar(-ASIDE * height);
-    this.sticks.place(points.map((value, k) => value + (k % 3 < 2 ? way.values[k % 3] + beside.getComponent(k % 3) : this.cast.take.floor)));
+    const { way, floor } = this.cast.take;
+    this.sticks.place(points.map((value, k) => value + (k % 3 < 2 ? way.values[k % 3] + this.aside.getComponent(k % 3) : floor)));
   }
 
   async record() {

@@ -96,14 +96,15 @@ function fitted(time) {
   }));
 }
 
-const framed = { aspect: 0, distance: 0 };
+const framed = { aspect: 0, reach: 0, distance: 0 };
 
 /** The camera's distance at a time [m]: one take keeps the largest of the clip, so that the picture does not breathe. */
 function distance(time) {
   if (takes.length > 1) return fitted(time);
-  if (framed.aspect !== stage.camera.aspect) {
+  const { camera: { aspect } } = stage, [{ reach }] = takes;
+  if (framed.aspect !== aspect || framed.reach !== reach) {
     const moments = Array.from({ length: MOMENTS }, (_, k) => (k / (MOMENTS - 1)) * player.duration);
-    Object.assign(framed, { aspect: stage.camera.aspect, distance: Math.max(...moments.map(fitted)) });
+    Object.assign(framed, { aspect, reach, distance: Math.max(...moments.map(fitted)) });
   }
   return framed.distance;
 }
