@@ -1,5 +1,7 @@
 // Rows of bars over time: which foot stands, what was warned of, what touched, when it fell.
 
+import { made } from "#dom";
+
 const FEET = { l: "left foot", r: "right foot" };
 
 function rowsOf(take) {
@@ -46,10 +48,9 @@ export class Timeline {
   /** After takes have changed. */
   draw() {
     this.track.replaceChildren();
-    this.track.classList.toggle("several", this.takes.length > 1);
     for (const take of this.takes) {
-      const before = this.takes.length > 1 ? `${take.name}: ` : "";
-      for (const row of rowsOf(take)) this.#row(before + row.name, row.bars);
+      if (this.takes.length > 1) this.track.append(made("div", { className: "row take" }, made("span", { textContent: take.name })));
+      for (const row of rowsOf(take)) this.#row(row.name, row.bars);
     }
     this.track.append(this.head);
   }
@@ -61,7 +62,7 @@ export class Timeline {
     for (const { from, to, kind, said } of bars) {
       const start = Math.min(Math.max(from / duration, 0), 1), end = Math.min(to / duration, 1);
       const bar = Object.assign(document.createElement("i"), { className: kind, title: said });
-      Object.assign(bar.style, { left: `${100 * start}%`, width: `${Math.max(100 * (end - start), 0.15)}%` });
+      Object.assign(bar.style, { left: `min(${100 * start}%, 100% - var(--thin))`, width: `${100 * (end - start)}%` });
       line.append(bar);
     }
     row.append(line);
