@@ -8,6 +8,7 @@ from made_trajectories import robot_of, swing
 from robot_retarget.base.errors import MotionError
 from robot_retarget.base.files import SAMPLES
 from robot_retarget.collision import warnings_of
+from robot_retarget.edit.keyframe_files import keyframe_file
 from robot_retarget.human.read import read_motion
 from robot_retarget.judge.report import Report
 from robot_retarget.judge.rollout import simulate
@@ -21,6 +22,7 @@ from robot_retarget.tools.studio.project import Project
 from robot_retarget.tools.studio.studio import Studio
 from robot_retarget.tools.view.page import save_page as save_report
 from robot_retarget.tools.view.web.editor import TakeEditor
+from robot_retarget.tools.view.web.keyframes import KeyframeDesk
 from robot_retarget.tools.view.web.take import Take, take_of
 from robot_retarget.tools.view.web.viewer import Viewer
 from robot_retarget.trajectory import Trajectory
@@ -68,7 +70,16 @@ def long_report(robot: Robot) -> tuple[Report, Trajectory]:
         "limb_rad_arms": 0.9, "limb_rad_trunk": 0.5, "limb_rad_legs": 0.8, "contacts_lost": 0.9, "steps_shortened": 0.8,
         "path_off": 1.5, "heading_off_rad": 1.1, "steps_lost": 0.9, "unfinished_share": 0.6,
     }  # fmt: skip
-    figures = {**found.figures, **poor, "notes": [MESSAGE, "a short note"]}
+    attempt = {
+        "legs": "follow",
+        "mode": "dynamic",
+        "reach": 0.8,
+        "slowdown": 1.3,
+        "margin_m": -0.012,
+        "solved": 4,
+        "reasons": MESSAGE,
+    }
+    figures = {**found.figures, **poor, "notes": [MESSAGE, "a short note"], "attempts": [attempt] * 3}
     most = found.thresholds
     assert max(map(len, judge(figures, most))) >= 400
     report = replace(
@@ -105,10 +116,17 @@ def long_viewer(robot: Robot) -> Viewer:
     return Viewer((Take(robot, played, None, take.warnings, report),))
 
 
+def long_keyframes(robot: Robot, folder: Path) -> KeyframeDesk:
+    """The page of a file of keyframes."""
+    return KeyframeDesk(keyframe_file(str(folder / f"{'long_name_' * 9}.json"), robot), lambda _: long_report(robot)[0])
+
+
 def long_studio(robot: Robot, folder: Path) -> tuple[Studio, str]:
     """A studio with eight clips on the robot, one of them judged; and the name of that one."""
     report, played = long_report(robot)
-    studio, keys = Studio(folder / "studio"), [f"session_{k:02}/{'long_name_' * 9}{k}.bvh@robot" for k in range(8)]
+    studio = Studio(folder / "studio")
+    studio.robots["robot"] = str(robot.path)
+    keys = [f"session_{k:02}/{'long_name_' * 9}{k}.bvh@robot" for k in range(8)]
     for key in keys:
         place = folder / "studio" / key.rpartition("/")[0]
         place.mkdir(parents=True, exist_ok=True)

@@ -10,11 +10,12 @@ from urllib.parse import quote
 
 import pytest
 from browser import Tab, needs_browser, tab
-from long_pages import MESSAGE, batch_page, long_robot, long_studio, long_viewer, report_page
+from long_pages import MESSAGE, batch_page, long_keyframes, long_robot, long_studio, long_viewer, report_page
 from shared_files import ROOT
 
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.tools.studio.studio import Studio
+from robot_retarget.tools.view.web.keyframes import serve_keyframes
 from robot_retarget.tools.view.web.live import LiveRobot
 
 pytestmark = needs_browser
@@ -46,28 +47,29 @@ def pages(robot: Robot, tmp_path_factory: pytest.TempPathFactory) -> Iterator[di
     """The address of each page."""
     folder = tmp_path_factory.mktemp("pages")
     live = LiveRobot(load_robot("op3"), facts=lambda: FACTS)
-    served = Studio(folder / "live", live).served(0)
-    thread = threading.Thread(target=served.forever, daemon=True)
-    thread.start()
-    viewer = long_viewer(robot).save(folder / "viewer.html")
     studio, project = long_studio(robot, folder)
-    opened_page = studio.served(0)
-    studio_thread = threading.Thread(target=opened_page.forever, daemon=True)
-    studio_thread.start()
-    studio_address = f"{opened_page.address}#{quote(project, safe='')}"
+    served = (
+        Studio(folder / "live", live).served(0),
+        studio.served(0),
+        serve_keyframes(long_keyframes(robot, folder), 0),
+    )
+    threads = [threading.Thread(target=one.forever, daemon=True) for one in served]
+    for thread in threads:
+        thread.start()
+    viewer = long_viewer(robot).save(folder / "viewer.html")
     yield {
         "report": report_page(robot, folder).as_uri(),
         "batch": batch_page(folder).as_uri(),
         "viewer": viewer.as_uri(),
-        "live": served.address,
-        "studio": studio_address,
+        "live": served[0].address,
+        "studio": f"{served[1].address}#{quote(project, safe='')}",
+        "keyframes": served[2].address,
         "gallery": (ROOT / "docs/demo/index.html").as_uri(),
         "demo": (ROOT / "docs/demo/walk.html").as_uri(),
     }
-    served.close()
-    opened_page.close()
-    thread.join(5)
-    studio_thread.join(5)
+    for one, thread in zip(served, threads, strict=True):
+        one.close()
+        thread.join(5)
 
 
 FACTS: dict[str, Any] = {
@@ -91,7 +93,7 @@ def opened(browser: Tab, address: str, width: int, theme: str = "light") -> None
 
 
 @pytest.mark.parametrize("width", WIDTHS)
-@pytest.mark.parametrize("name", ["report", "batch", "viewer", "live", "studio", "gallery", "demo"])
+@pytest.mark.parametrize("name", ["report", "batch", "viewer", "live", "studio", "keyframes", "gallery", "demo"])
 def test_every_row_value_and_letter_of_a_page_with_long_data_can_be_read(
     browser: Tab, pages: dict[str, str], name: str, width: int
 ) -> None:
@@ -101,6 +103,8 @@ def test_every_row_value_and_letter_of_a_page_with_long_data_can_be_read(
             browser.until("return viewer.studio.facts?.verdict && document.querySelectorAll('#clips li').length === 8")
         if name == "live":
             browser.until("return document.querySelectorAll('#live dd')[4]?.textContent.includes('× 12')")
+        if name == "keyframes":
+            browser.until("return Boolean(viewer.keyframes.rows) && !viewer.keyframes.busy")
         if place := os.environ.get("PICTURE"):
             picture = browser.driver.execute_cdp_cmd("Page.captureScreenshot", {"captureBeyondViewport": True})
             Path(place, f"{name}-{width}-{theme}.png").write_bytes(base64.b64decode(picture["data"]))
@@ -111,9 +115,12 @@ def test_every_row_value_and_letter_of_a_page_with_long_data_can_be_read(
 def test_the_state_of_a_stream_covers_no_part_of_the_robot(browser: Tab, pages: dict[str, str], width: int) -> None:
     opened(browser, pages["live"], width)
     browser.until("return document.querySelectorAll('#live dd').length > 4")
-    card, scene = (
-        browser.run(f"return document.getElementById('{one}').getBoundingClientRect()") for one in ("live", "scene")
+    card, scene, heading = (
+        browser.run(f"return document.getElementById('{one}').getBoundingClientRect()")
+        for one in ("live", "scene", "heading")
     )
+    assert heading["bottom"] <= scene["top"] + 1
+    assert browser.run("return document.getElementById('robot').value") == "op3"
     assert scene["height"] > 300 and scene["width"] > 0.55 * width
     assert card["left"] >= scene["right"] - 1 or card["top"] >= scene["bottom"] - 1
 

@@ -32,7 +32,7 @@ export class Export {
     pen.drawImage(this.stage.renderer.domElement, 0, 0, sheet.width, sheet.height);
     pen.setTransform(scale, 0, 0, scale, 0, 0);
     const corner = scene.getBoundingClientRect();
-    for (const element of scene.querySelectorAll("#heading :is(b, i, span), #labels div:not([hidden])")) if (element.checkVisibility()) this.#write(pen, element, corner);
+    for (const element of scene.querySelectorAll("#labels div:not([hidden])")) if (element.checkVisibility()) this.#write(pen, element, corner);
   }
 
   #write(pen, element, corner) {
