@@ -46,16 +46,10 @@ def describe_motion(motion: Motion) -> dict[str, Any]:
         }
         for k, m in ((k, found.marks[k]) for k in found.keypoints)
     }
-    size = {
-        "stature_m": round(stature(found, motion.positions), 3),
-        "leg_m": round(leg_length(found, motion.positions), 3),
-    }
-    remarks = {
-        "keypoints": keypoints,
-        "missing": list(found.missing),
-        "remarks": [*found.notes, *_map_advice(keypoints)],
-    }
-    return facts | {"human": True, "confidence": round(found.confidence, 2)} | size | remarks
+    tall, legs = stature(found, motion.positions), leg_length(found, motion.positions)
+    sizes = {"confidence": round(found.confidence, 2), "stature_m": round(tall, 3), "leg_m": round(legs, 3)}
+    remarks = {"missing": list(found.missing), "remarks": [*found.notes, *_map_advice(keypoints)]}
+    return facts | {"human": True, **sizes, "keypoints": keypoints, **remarks}
 
 
 def describe_trajectory(trajectory: Trajectory) -> dict[str, Any]:
@@ -126,11 +120,8 @@ def _map_advice(keypoints: dict[str, dict[str, Any]]) -> list[str]:
     """What to write in a map file about keypoints that are doubtful, where their joints are wrong."""
     doubtful = [(k, v["joint"]) for k, v in keypoints.items() if v["confidence"] < SURENESS[1][0] and k != "pelvis"]
     lines = "; ".join(f'{keypoint} = "{joint}"' for keypoint, joint in doubtful)
-    return (
-        [f"Look at these; where a joint is wrong, put the right one in a --map file under [human]: {lines}"]
-        if lines
-        else []
-    )
+    advice = f"Look at these; where a joint is wrong, put the right one in a --map file under [human]: {lines}"
+    return [advice] if lines else []
 
 
 def describe_robot(robot: Robot) -> dict[str, Any]:
@@ -181,13 +172,10 @@ def _joints(robot: Robot) -> dict[str, dict[str, float | None]]:
 def describe_solution(solution: Solution, notes: tuple[str, ...] = ()) -> dict[str, Any]:
     """How a clip was solved: frames, rate, status, stress, worst edges."""
     frames, seconds = len(solution.cost), sum(solution.timings.get(stage, 0.0) for stage in ("solve", "balance"))
-    reasons = {status.name.lower(): 0 for status in solution.status}
-    for status in solution.status:
-        reasons[status.name.lower()] += 1
     return {
         "frames": frames,
         "fps": round(solution.trajectory.fps, 4),
-        "status": reasons,
+        "status": dict(Counter(status.name.lower() for status in solution.status)),
         "distance_error_mean": round(float(solution.posture_error.mean()), 5),
         "distance_error_max": round(float(solution.posture_error.max()), 5),
         "distance_error_max_frame": int(solution.posture_error.argmax()),
@@ -260,6 +248,5 @@ def _jumps_told(solution: Solution) -> list[str]:
     joint, frame, step = jumps[0]
     more = f", and {len(jumps) - 1} more such steps" if len(jumps) > 1 else ""
     when = f"frame {frame} ({frame / solution.trajectory.fps:.2f} s)"
-    return [
-        f"{joint} jumps by {np.degrees(step):+.0f}° to {when}{more}: look at it there; the arm or leg changes its way"
-    ]
+    advice = "look at it there; the arm or leg changes its way"
+    return [f"{joint} jumps by {np.degrees(step):+.0f}° to {when}{more}: {advice}"]

@@ -32,10 +32,7 @@ def locked_folder(out: Path) -> Iterator[Path]:
     Raises:
         OutputError: it cannot be written, holds other things than results, or another run is at work in it.
     """
-    strange = (
-        out.is_dir() and not (out / INDEX).exists() and any(not path.name.startswith(".") for path in out.iterdir())
-    )
-    if strange:
+    if out.is_dir() and not (out / INDEX).exists() and any(not path.name.startswith(".") for path in out.iterdir()):
         raise OutputError(f"{out} holds files and no {INDEX}: it is not a batch folder; give another --out")
     with made_folder(out) as target:
         for scratch in target.rglob(".*"):

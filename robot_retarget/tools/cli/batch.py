@@ -102,11 +102,8 @@ def batch(how: BatchOptions, printing: opt.PrintOptions) -> None:
         return
     if not how.robot:
         raise UsageError("--robot is missing: a shipped name (op3), an MJCF file, or a robot_descriptions name")
-    for name, given, names in (
-        ("format", how.format, FORMATS),
-        ("pack", how.pack, PACKED),
-        ("retry", how.retry, RETRIES),
-    ):
+    allowed = ("format", how.format, FORMATS), ("pack", how.pack, PACKED), ("retry", how.retry, RETRIES)
+    for name, given, names in allowed:
         if strange := [each for each in given or () if each not in names]:
             raise UsageError(f"--{name}: {strange[0]!r}; {known(names, 40, typed=strange[0])}")
     job, filters = how.job(), list(read_filters(how.filter_file or SHIPPED).values())

@@ -140,9 +140,8 @@ def show_robot(facts: dict[str, Any]) -> None:
     rows = [(k, v["body"], v["offset_m"], v["confidence"], v["why"]) for k, v in facts["keypoints"].items()]
     table("Keypoints", ("keypoint", "body", "offset [m]", "sure", "because"), rows)
     _missing(facts)
-    say(
-        f"\nnext: robot-retarget run MOTION.bvh --robot {facts['path'] if facts['name'] not in shipped_robots() else facts['name']}"
-    )
+    name = facts["name"] if facts["name"] in shipped_robots() else facts["path"]
+    say(f"\nnext: robot-retarget run MOTION.bvh --robot {name}")
 
 
 def show_solution(facts: dict[str, Any]) -> None:
@@ -151,11 +150,9 @@ def show_solution(facts: dict[str, Any]) -> None:
 
     ended = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in facts["status"].items())
     say(f"solved {facts['frames']} frames at {facts['solved_per_second']} a second: {ended}")
-    say(
-        f"distances off by {100 * facts['distance_error_mean']:.1f} % of their paths, "
-        f"{100 * facts['distance_error_max']:.1f} % at frame {facts['distance_error_max_frame']}; "
-        f"largest step {shown(facts['largest_step_rad'], 'rad')}"
-    )
+    mean, most = (f"{100 * facts[f'distance_error_{which}']:.1f} %" for which in ("mean", "max"))
+    frame, step = facts["distance_error_max_frame"], shown(facts["largest_step_rad"], "rad")
+    say(f"distances off by {mean} of their paths, {most} at frame {frame}; largest step {step}")
     for sentence in facts["notes"]:
         note(sentence)
 

@@ -27,11 +27,7 @@ class SequenceOptions(SolvedOptions, opt.BalancedOptions, opt.RobotOptions):
     """The robot, its balance, and the trajectory to write."""
 
     def make(
-        self,
-        paths: list[Path],
-        printing: opt.PrintOptions,
-        solve: "Callable[..., rr.Result] | None" = None,
-        **how: Any,
+        self, paths: list[Path], printing: opt.PrintOptions, solve: "Callable[..., rr.Result] | None" = None, **how: Any
     ) -> None:
         """Read trajectories, solve them as one and write it."""
 

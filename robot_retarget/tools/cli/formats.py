@@ -102,16 +102,12 @@ def export(
     from robot_retarget.edit.stands import between_stands
 
     options, model = options_of(columns.joints, written.fps, written.servos), robot.load(of=source.trajectory)
-    rr.export(
-        between_stands(rr.load_trajectory(source.trajectory), model, ends.stand), model, format, to.output, options
-    )
+    trajectory = between_stands(rr.load_trajectory(source.trajectory), model, ends.stand)
+    rr.export(trajectory, model, format, to.output, options)
     printing.result({"output": str(to.output), "format": format}, f"wrote {to.output}")
 
 
-@command(
-    "import",
-    epilog="Example: robot-retarget import dance.pkl --robot unitree_g1.xml --format gmr -o dance.npz",
-)
+@command("import", epilog="Example: robot-retarget import dance.pkl --robot unitree_g1.xml --format gmr -o dance.npz")
 def import_(
     source: FileOptions,
     robot: opt.RobotOptions,

@@ -146,9 +146,8 @@ def warn(warned: WarnedOptions, robot: opt.RobotOptions, printing: opt.PrintOpti
         require_writable(output)
         require_suffix(output, ".csv", "--json prints the events as JSON")
     ahead = None if warned.horizon is None else WarnOptions(horizon=warned.horizon)
-    found = warnings_of(
-        rr.load_trajectory(warned.trajectory), robot.load(of=warned.trajectory), ahead, planned=warned.planned
-    )
+    trajectory = rr.load_trajectory(warned.trajectory)
+    found = warnings_of(trajectory, robot.load(of=warned.trajectory), ahead, planned=warned.planned)
     if output is not None:
         write_csv(found.events, output)
     facts = {

@@ -84,9 +84,8 @@ class PlayOptions(opt.BaudOptions):
         from robot_retarget.servo.plan import at_speed
 
         if self.freeze:
-            trajectory = held(
-                trajectory, freeze(opt.load(self.robot or trajectory.robot, servos=self.servos), self.freeze)
-            )
+            robot = opt.load(self.robot or trajectory.robot, servos=self.servos)
+            trajectory = held(trajectory, freeze(robot, self.freeze))
         return at_speed(trajectory, self.speed)
 
 

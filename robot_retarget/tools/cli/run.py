@@ -319,12 +319,9 @@ def require_source(trajectory: "rr.Trajectory", motion: "rr.Motion", force: bool
 
 def first_page(out: Path, files: Sequence[str]) -> str:
     """Name the page of a folder of results that shows the rest: the report, which needs matplotlib, else the viewer."""
-    viewer = out / "viewer.html"
-    return (
-        f"{out / 'report.html'} in a browser; it leads to {viewer}"
-        if "report.html" in files
-        else f"{viewer} in a browser"
-    )
+    if "report.html" in files:
+        return f"{out / 'report.html'} in a browser; it leads to {out / 'viewer.html'}"
+    return f"{out / 'viewer.html'} in a browser"
 
 
 def is_robot_name(name: str) -> bool:
@@ -333,11 +330,8 @@ def is_robot_name(name: str) -> bool:
     from robot_retarget.robot.catalog import MODEL_FILES, XACRO
 
     path = Path(name)
-    return (
-        path.suffix.lower() in (*MODEL_FILES, XACRO)
-        or name.lower() in shipped_robots()
-        or (not path.suffix and not path.exists())
-    )
+    known = path.suffix.lower() in (*MODEL_FILES, XACRO) or name.lower() in shipped_robots()
+    return known or (not path.suffix and not path.exists())
 
 
 def shipped_clip(name: str) -> Path:

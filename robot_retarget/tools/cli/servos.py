@@ -235,8 +235,7 @@ class RecordOptions(BusOptions):
 
 
 @command(
-    group=servos,
-    epilog="Example: robot-retarget servos record --map op3 --port /dev/ttyUSB0 --limp l_arm -o wave.npz",
+    group=servos, epilog="Example: robot-retarget servos record --map op3 --port /dev/ttyUSB0 --limp l_arm -o wave.npz"
 )
 def record(how: RecordOptions, printing: opt.PrintOptions) -> None:
     """Record a motion that a person makes with the robot's joints.
@@ -424,14 +423,12 @@ def import_map(
     if robot is not None:
         body = opt.load(robot)
         ends = {joint: each for joint, *each in zip(body.joint_names, body.lower, body.upper, strict=True)}
-        servo_map = min(
-            (servo_map, by_servos(servo_map)),
-            key=lambda found: sum(
-                abs(s.lower - ends[s.joint][0]) + abs(s.upper - ends[s.joint][1])
-                for s in found.servos
-                if s.joint in ends
-            ),
-        )
+
+        def distance(found: "ServoMap") -> float:
+            servos = [servo for servo in found.servos if servo.joint in ends]
+            return sum(abs(s.lower - ends[s.joint][0]) + abs(s.upper - ends[s.joint][1]) for s in servos)
+
+        servo_map = min(servo_map, by_servos(servo_map), key=distance)
     write_text(to.output, dump_map(servo_map))
     cut, count = [servo.joint for servo in servo_map.servos if servo.range_exceeds_turn], len(servo_map.servos)
     sentence = f"wrote {to.output}: {count} servos; look over signs, zeros and ranges before playing"

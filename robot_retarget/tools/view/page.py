@@ -111,10 +111,8 @@ def _charts(
     """Return the title, the explanation, the keys and the charts of every section that has something to show."""
     if not len(report.series.get("time", ())):
         return []
-    planned, plain = (
-        "" if report.figures["mode"] == "free" else ", as planned",
-        ("plain",) * report.figures["compensated"],
-    )
+    planned = "" if report.figures["mode"] == "free" else ", as planned"
+    plain = ("plain",) * report.figures["compensated"]
     worst = "the joints with the largest error in plain playback"
     drawn = (
         ("Tracking", worst, ("wanted", *plain, "measured"), charts.tracking(report)),

@@ -40,9 +40,8 @@ def open_context(width: int, height: int) -> Any:
     try:
         return importlib.import_module(f"mujoco.{way}").GLContext(width, height)
     except Exception as error:  # each back end raises its own errors, and no error may end a run because of a picture
-        return Unavailable(
-            f"no rendering: {way} does not start ({' '.join(str(error).split()) or type(error).__name__})"
-        )
+        why = " ".join(str(error).split()) or type(error).__name__
+        return Unavailable(f"no rendering: {way} does not start ({why})")
 
 
 def can_render() -> bool:

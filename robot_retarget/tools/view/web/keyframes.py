@@ -115,6 +115,5 @@ def serve_keyframes(desk: KeyframeDesk, port: int = PORT) -> Served:
     Raises:
         UsageError: the port is taken, or may not be used.
     """
-    return serve(
-        lambda nonce: Viewer((desk.take,)).page_with("keyframes", nonce), touch_routes(lambda _: desk, desk.ACTS), port
-    )
+    routes = touch_routes(lambda _: desk, desk.ACTS)
+    return serve(lambda nonce: Viewer((desk.take,)).page_with("keyframes", nonce), routes, port)

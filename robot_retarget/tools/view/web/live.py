@@ -127,11 +127,7 @@ class LiveRobot:
     """The latest pose, shared with waiting pages. Older poses are dropped; those of a take are kept."""
 
     def __init__(
-        self,
-        robot: Robot,
-        scene: Scene | None = None,
-        facts: Callable[[], dict[str, Any]] = dict,
-        takes: Path = Path(),
+        self, robot: Robot, scene: Scene | None = None, facts: Callable[[], dict[str, Any]] = dict, takes: Path = Path()
     ) -> None:
         """Start with a standing robot.
 

@@ -209,11 +209,8 @@ def footholds(stance: Stance) -> list[dict[str, Any]]:
             middle = (first + stop - 1) // 2
             points = stance.points[middle, (stance.feet.owner == k) & stance.down[middle]]
             if len(points):
-                place = {
-                    "outline": outline(points[:, :2]).round(4).tolist(),
-                    "height": round(float(points[:, 2].mean()), 4),
-                }
-                found.append({"foot": name, "first": first, "last": stop - 1} | place)
+                sole, height = outline(points[:, :2]).round(4).tolist(), round(float(points[:, 2].mean()), 4)
+                found.append({"foot": name, "first": first, "last": stop - 1, "outline": sole, "height": height})
     return found
 
 

@@ -119,9 +119,8 @@ def _take(
         model = None if robot is None else as_robot(robot)
         played = load_trajectory(what, model)
         model = model or as_robot(played.robot)
-        return take_of(
-            played, model, motion, report=report or report_beside(Path(what), played, model), name=Path(what).name
-        )
+        report = report or report_beside(Path(what), played, model)
+        return take_of(played, model, motion, report=report, name=Path(what).name)
     warnings = what.warnings if len(what.trajectory) > 1 else None
     return Take(what.robot, what.trajectory, human_of(what.match, what.motion), warnings, report, what.solution)
 
