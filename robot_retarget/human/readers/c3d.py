@@ -20,8 +20,9 @@ _BIG_ENDIAN = 86
 
 
 def matches_format(header: FileHeader) -> bool:
-    """Whether a file begins as C3D does: the block of its parameters, then 0x50."""
-    return len(header.head) >= 512 and header.head[1] == 0x50 and b"\0" in header.head[:512]
+    """Whether a file begins as C3D does: the number of the block of its parameters, then 0x50; the block has a processor's code."""
+    head = header.head
+    return head[1:2] == b"P" and head[512 * max(head[0], 1) - 509 :][:1] in (b"T", b"U", b"V")  # 84 to 86
 
 
 def read(path: Path, request: Request) -> Capture:
