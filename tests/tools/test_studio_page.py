@@ -56,6 +56,11 @@ def test_a_file_that_is_no_motion_is_refused_on_the_page(page: Tab, tmp_path: Pa
     assert page.run("return document.getElementById('message').checkVisibility()")
 
 
+def test_a_folder_without_files_is_refused_on_the_page(page: Tab) -> None:
+    page.run("document.dispatchEvent(new DragEvent('drop', { dataTransfer: new DataTransfer(), cancelable: true }))")
+    page.until("return document.getElementById('message').textContent.includes('holds no file')")
+
+
 def test_a_clip_is_dropped_mended_touched_up_judged_and_exported_as_the_shell_does(
     studio: Opened, page: Tab, tmp_path: Path
 ) -> None:

@@ -201,21 +201,23 @@ class Studio:
         Raises:
             RobotRetargetError: the file holds no robot and no clip; its folder is removed.
         """
+        inside = f"{path.parent}/"
         try:
             unpacked = unpacked_zip(path) if is_zip(path) and path.suffix.lower() == ".zip" else None
             model = robot_model(unpacked) if unpacked else path if path.suffix.lower() in MODELS else None
             if model is not None:
-                recognise(self.robot(str(model)))
+                notes = recognise(self.robot(str(model))).notes
                 self.robots[path.stem] = str(model)
                 self.changed()
-                return {"robot": path.stem}
+                return {"robot": path.stem, "notes": notes}
             keys = list[str]()
             clips = motions_within(unpacked) if unpacked else [path]
             left_out = self._each(clips, lambda clip: keys.append(self.add(clip, robot).key))
-            return {"projects": keys, "left_out": left_out}
-        except RobotRetargetError:
+            return {"projects": keys, "left_out": [why.replace(inside, "") for why in left_out]}
+        except RobotRetargetError as error:
             shutil.rmtree(path.parent, ignore_errors=True)
-            raise
+            meshes = "; drop its folder, or a zip of it, with the meshes" if "opening file" in str(error) else ""
+            raise type(error)(str(error).replace(inside, "") + meshes) from error
 
     # Routes of the page.
 

@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from itertools import count
 from pathlib import Path, PurePosixPath
 from zipfile import ZipInfo
 
@@ -24,12 +25,8 @@ def plain_name(name: str) -> str:
 def place_for(studio: Path, name: str) -> Path:
     """Make a new folder with the name of a file, and with a number if that folder exists."""
     stem = PurePosixPath(name).stem
-    number = next(k for k in range(1, 10**6) if not (studio / _numbered(stem, k)).exists())
-    return folder(studio / _numbered(stem, number))
-
-
-def _numbered(stem: str, number: int) -> str:
-    return stem if number == 1 else f"{stem}_{number}"
+    paths = (studio / (stem if k == 1 else f"{stem}_{k}") for k in count(1))
+    return folder(next(path for path in paths if not path.exists()))
 
 
 def unpacked_zip(path: Path) -> Path:
@@ -43,9 +40,9 @@ def unpacked_zip(path: Path) -> Path:
         with opened_zip(path) as archive:
             members = [member for member in archive.infolist() if not member.is_dir()]
             if len(members) > MEMBERS:
-                raise FileError(f"{path.name}: {len(members)} files, more than {MEMBERS}")
+                raise FileError(f"{len(members)} files, more than {MEMBERS}")
             for member in members:
-                _require_inside(path, member)
+                _require_inside(member)
             left = LIMITS.unpacked(path)
             for member in members:
                 inner = target / member.filename
@@ -54,7 +51,7 @@ def unpacked_zip(path: Path) -> Path:
                     while piece := content.read(CHUNK):
                         left -= len(piece)
                         if left < 0:
-                            raise FileError(f"{path.name}: unpacks to more than {LIMITS.unpacked(path)} bytes")
+                            raise FileError(f"unpacks to more than {LIMITS.unpacked(path)} bytes")
                         copy.write(piece)
     except FileError:
         shutil.rmtree(target, ignore_errors=True)
@@ -62,11 +59,11 @@ def unpacked_zip(path: Path) -> Path:
     return target
 
 
-def _require_inside(path: Path, member: ZipInfo) -> None:
+def _require_inside(member: ZipInfo) -> None:
     parts = PurePosixPath(member.filename.replace("\\", "/"))
     link = (member.external_attr >> 16) & 0o170000 == 0o120000
     if link or parts.is_absolute() or ".." in parts.parts or re.match(r"\w:", member.filename):
-        raise FileError(f"{path.name}: {member.filename!r} leads out of the zip; it is not unpacked")
+        raise FileError(f"{member.filename!r} leads out of the zip; it is not unpacked")
 
 
 def robot_model(unpacked: Path) -> Path | None:
@@ -78,9 +75,7 @@ def robot_model(unpacked: Path) -> Path | None:
     found = [path for path in sorted(unpacked.rglob("*")) if path.suffix.lower() in MODELS]
     texts = {path: path.read_text(encoding="utf-8", errors="replace") for path in found}
     robots = [path for path, text in texts.items() if re.search(r"<(mujoco|robot)\b", text) and "<joint" in text]
-    whole = [
-        p for p in robots if not any(p.name in text for other, text in texts.items() if other in robots and other != p)
-    ]
+    whole = [path for path in robots if not any(path.name in texts[other] for other in robots if other != path)]
     return min(whole or robots, key=lambda path: (len(path.parts), "scene" in path.stem, str(path)), default=None)
 
 
@@ -89,13 +84,13 @@ CLIPS = (".bvh", ".amc", ".c3d", ".glb", ".fbx", ".trc", ".mvnx", ".npz", ".npy"
 
 
 def motions_within(unpacked: Path) -> list[Path]:
-    """Return the motions of an unpacked zip: its files of the first suffix in `CLIPS` that occurs, else the folder itself.
+    """Return the motions of an unpacked zip: its files of the first suffix in `CLIPS` that occurs.
 
     Raises:
-        UsageError: it holds no file.
+        UsageError: it holds none.
     """
     files = [path for path in sorted(unpacked.rglob("*")) if path.is_file() and not path.name.startswith(".")]
-    if not files:
-        raise UsageError(f"{unpacked.name}.zip holds no file")
     alike = [[path for path in files if path.suffix.lower() == suffix] for suffix in CLIPS]
-    return next(filter(None, alike), [unpacked])
+    if not (found := next(filter(None, alike), [])):
+        raise UsageError(f"{unpacked.name}.zip holds no motion ({', '.join(CLIPS)}) and no robot ({', '.join(MODELS)})")
+    return found

@@ -101,14 +101,15 @@ export class Studio {
     document.addEventListener("drop", async (event) => {
       event.preventDefault();
       document.body.classList.remove("over");
-      this.#take(await droppedFiles(event.dataTransfer.items));
+      const files = await droppedFiles(event.dataTransfer.items);
+      if (files.length) this.#take(files);
+      else this.#say("What was dropped holds no file.", true);
     });
   }
 
   /** Send files: clips one by one, any others that came together as one zip. */
   async #take(files) {
     this.files.value = "";
-    if (!files.length) return;
     const alone = files.length === 1 || files.every(({ path }) => /\.bvh$/i.test(path));
     const name = files[0].path.split("/")[0].replace(/\.\w+$/, "");
     const sent = alone ? files.map(({ path, file }) => [path, file]) : [[`${name}.zip`, await zipped(files)]];
@@ -130,14 +131,14 @@ export class Studio {
     this.#came(await (await post("add", what)).json());
   }
 
-  async #came({ projects, robot }) {
+  async #came({ projects, robot, notes }) {
     this.#say("");
     if (projects) location.hash = encodeURIComponent(projects[0]);
     if (!robot) return;
     this.#offer([robot]);
     this.robot.value = robot;
     if (this.facts) await this.#add({ of: this.line.key, robot });
-    else this.#say(`${robot} is there: drop a motion for it.`);
+    else this.#say(`${robot} is there${notes.length ? ` (${notes.join("; ")})` : ""}: drop a motion for it.`);
   }
 
   /** Show projects: the first with all that is said of it, the others beside it. */
