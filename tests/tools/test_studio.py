@@ -84,6 +84,31 @@ def test_choices_a_map_and_edges_give_the_bytes_of_the_commands_that_the_page_na
 EDGE = {"a": "l_hand", "b": [0.3, 0.3, 1.2], "at": 0, "frames": [5, 9], "priority": 1e4}
 
 
+def test_a_studio_that_is_started_again_shows_the_clips_of_its_folder(
+    wave: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with opened_studio(tmp_path) as first:
+        project, removed = (first.studio.project(first.drop(wave, "g1_class")["projects"][0]) for _ in range(2))
+        first.do(removed, "remove")
+        first.do(project, "solve", {"favour": "directions"})
+        first.asked("edit", json.dumps(EDGE).encode(), project=project.key)
+        first.do(project, "judge")
+        line, commands, qpos = project.line(), project.commands(), project.take.trajectory.qpos
+    with opened_studio(tmp_path) as again:
+        again.studio.reopen()
+        again.studio.bring(wave, "g1_class")
+        ((key, found),) = again.studio.projects.items()
+        again.wait(found)
+        assert found.line() == line | {"version": found.version, "left": None} and key == project.key
+        assert found.commands() == commands and (found.take.trajectory.qpos == qpos).all()
+        again.asked("undo", b"{}", project=key)
+        assert (found.take.trajectory.qpos != qpos).any()
+        (found.place / "project.json").write_text("{}")
+    with opened_studio(tmp_path) as broken:
+        broken.studio.reopen()
+        assert "project.json is left out" in capsys.readouterr().err and not broken.studio.projects
+
+
 def test_two_clips_at_once_have_the_bytes_of_each_alone(opened: Opened, wave: Path) -> None:
     alone = (opened.solved(wave, "g1_class").place / "trajectory.npz").read_bytes()
     both = [opened.studio.project(opened.drop(wave, "g1_class")["projects"][0]) for _ in range(2)]
@@ -151,6 +176,7 @@ def climbing(name: str) -> bytes:
     return packed.getvalue()
 
 
+MESHED = "<mujoco><asset><mesh name='m' file='meshes/m.stl'/></asset><worldbody><body><freejoint/><geom mesh='m' type='mesh'/></body></worldbody></mujoco>"
 BOX = "<mujoco><worldbody><body><freejoint/><geom size='1'/></body></worldbody></mujoco>"
 
 
@@ -159,7 +185,10 @@ BOX = "<mujoco><worldbody><body><freejoint/><geom size='1'/></body></worldbody><
     [
         ("notes.txt", b"no motion", "notes.txt"),
         ("walk.bvh", b"HIERARCHY\nROOT", "walk.bvh"),
-        ("empty.zip", zip_of(), "holds no file"),
+        ("photo.png", b"\x89PNG\r\n\x1a\n" + bytes(600), "photo.png: unknown kind"),
+        ("empty.zip", zip_of(), "empty.zip holds no motion (.bvh"),
+        ("texts.zip", zip_of(read="me"), "no robot (.xml"),
+        ("alone.xml", MESHED.encode(), "with the meshes"),
         ("broken.zip", b"PK\x03\x04 and no more", "broken.zip"),
         ("box.xml", BOX.encode(), "box"),
         ("climbs.zip", climbing("../../evil.txt"), "leads out"),
@@ -176,6 +205,7 @@ def test_a_file_that_is_none_is_refused_with_a_reason_and_leaves_nothing(
     before, projects = sorted(opened.studio.place.rglob("*")), dict(opened.studio.projects)
     status, said = opened.refusal("drop", content, name=name, robot="op3")
     assert status == 400 and reason in said, said
+    assert str(opened.studio.place) not in said and said.count(name) < 2, said
     assert sorted(opened.studio.place.rglob("*")) == before and opened.studio.projects == projects
 
 
@@ -253,7 +283,7 @@ def test_a_studio_that_is_killed_while_it_solves_leaves_whole_files(tmp_path: Pa
         time.sleep(1.0)
         os.kill(studio.pid, signal.SIGKILL)
     left = [path for path in (tmp_path / "s").rglob("*") if path.is_file()]
-    assert {path.name for path in left} <= {"walk.bvh", "trajectory.npz"}
+    assert {path.name for path in left} <= {"walk.bvh", "trajectory.npz", "project.json"}
     for path in left:
         if path.suffix == ".npz":
             rr.load_trajectory(path)

@@ -28,6 +28,7 @@ def studio(how: StudioOptions, printing: opt.PrintOptions) -> None:
 
     opened = Studio(how.out)
     served = opened.served(how.port)
+    opened.reopen()
     for clip in how.clips or ():
         opened.bring(clip, how.robot)
     show_page(served, how.browser, printing)

@@ -36,7 +36,7 @@ def facts_of(project: "Project", take: Take) -> dict[str, Any]:
         "allowed": ALLOWED,
         "kinds": _kinds(project),
         "marks": marks_of(project, take) if project.editor else [],
-        "notes": list(project.result.notes if project.result else project.motion.notes),
+        "notes": list(project.notes),
         "verdict": _verdict(report) if report else None,
         "formats": {name: f"{kind.description}; for {kind.readers}" for name, kind in FORMATS.items()},
         "commands": project.commands(),
@@ -61,8 +61,7 @@ def _keypoints(project: "Project") -> list[dict[str, str]]:
 
 def _kinds(project: "Project") -> list[dict[str, Any]]:
     """Return the kinds of edges and whether each is on."""
-    solved = [] if project.result is None else list(project.result.graph.kinds)
-    return [{"name": kind, "on": kind not in project.dropped} for kind in sorted({*solved, *project.dropped})]
+    return [{"name": kind, "on": kind not in project.dropped} for kind in sorted({*project.kinds, *project.dropped})]
 
 
 def marks_of(project: "Project", take: Take) -> list[dict[str, Any]]:

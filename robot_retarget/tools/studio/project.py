@@ -1,5 +1,6 @@
 """A clip on a robot, from its file to its exports. Solving, judging and export call the functions of the shell commands, with the same arguments."""
 
+import json
 import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -14,17 +15,17 @@ import numpy as np
 
 import robot_retarget as rr
 from robot_retarget.base.choices import Balance, Legs, Preset
-from robot_retarget.base.errors import RobotRetargetError, UsageError, known
+from robot_retarget.base.errors import FileError, RobotRetargetError, UsageError, known
 from robot_retarget.base.files import write_text
-from robot_retarget.base.untrusted.documents import NAMES
+from robot_retarget.base.untrusted.documents import NAMES, read_json
 from robot_retarget.collision import warnings_of
 from robot_retarget.edit.cuts import trimmed
 from robot_retarget.edit.touchup import Session, graph_of
 from robot_retarget.formats import FORMATS
-from robot_retarget.graph.edits import Edit, edited, write_edits
+from robot_retarget.graph.edits import Edit, edited, read_edits, write_edits
 from robot_retarget.human.match import read_map
 from robot_retarget.judge.cures import PROGRAM, Origin
-from robot_retarget.judge.rollout import mode_of
+from robot_retarget.judge.rollout import mode_of, report_beside
 from robot_retarget.tools.cli.run import save_judged
 from robot_retarget.tools.studio.facts import facts_of
 from robot_retarget.tools.view.web.editor import TakeEditor
@@ -39,6 +40,8 @@ ALLOWED: dict[str, tuple[str, ...]] = {
 """Choices of a project and their values on the page, the default first; cures set other values of `speed`, `fps` and `trim`."""
 FREE = {"speed", "fps", "trim"}
 """Choices whose value can be a number, or two with a colon."""
+STORED = "project.json"
+"""File of a project: motion, robot, choices and dropped kinds of edges."""
 FLAGS = {"--no-feedback": ("feedback", "off")}
 """Choices that options without a value set in the command of a cure."""
 
@@ -99,8 +102,8 @@ class Project:
         self.version: int = 0
         """Number of changes of the shown take and of the state."""
         self.editor: TakeEditor | None = None
-        self.result: rr.Result | None = None
-        self._lock = Lock()
+        self.notes, self.kinds = self.motion.notes, tuple[str, ...]()
+        self.lock = Lock()
 
     # Files of the project.
 
@@ -114,7 +117,19 @@ class Project:
         """Path of the keypoint map; None without a file."""
         return path if (path := self.place / "map.toml").exists() else None
 
-    # Steps. `solve` and `judge` run in a thread of the pool and set the state of their work.
+    @property
+    def touched(self) -> tuple[Path, Path]:
+        """Paths of the touch-ups, and of the trajectory with them."""
+        return self.place / "EDITS.toml", self.place / "mended.npz"
+
+    def _store(self, work: Work) -> None:
+        """Write the file from which the studio opens the project at its next start."""
+        named = {"motion": self.motion_file.name, "robot": self.name, "model": self.model}
+        with self.lock:
+            self._go_on(work)
+            write_text(self.place / STORED, json.dumps(named | {"choices": self.choices, "dropped": self.dropped}))
+
+    # Steps. `reopen`, `solve` and `judge` run in a thread of the pool and set the state of their work.
 
     def open(self) -> None:
         """Stop the present work, drop the result, and show the human next to the standing robot.
@@ -124,7 +139,8 @@ class Project:
         """
         human = human_of(rr.match(self.motion, self.robot, self.map_file), self.motion)
         self.waits()
-        self.editor, self.result = None, None
+        self.place.mkdir(exist_ok=True)
+        self.editor, self.notes = None, self.motion.notes
         self._show(self._take(np.repeat(self.robot.standing()[None], len(self.motion), axis=0), human))
 
     def _take(self, qpos: np.ndarray, human: Any) -> Take:
@@ -143,9 +159,7 @@ class Project:
         graph = edited(graph, [Edit("drop", {"kind": kind}) for kind in self.dropped])
         how: dict[str, Any] = {"balance": choices["balance"], "progress": self._progress(work)}
         result = rr.solve(graph, legs=cast(Legs, choices["legs"]), **how)
-        trajectory, warned = result.trajectory, len(result.trajectory) > 1
-        take = Take(robot, trajectory, human_of(result.match, result.motion), result.warnings if warned else None)
-        take = replace(take, solution=result.solution)
+        trajectory, (take,) = result.trajectory, rr.view(result).takes
         if choices["speed"] != "1":
             trajectory = rr.sequence([trajectory], robot, speed=float(choices["speed"]), **how).trajectory
         if choices["trim"]:
@@ -153,14 +167,48 @@ class Project:
         if trajectory is not take.trajectory:
             take = take_of(trajectory, robot, motion, overrides=over)
         self._go_on(work)
-        self.place.mkdir(exist_ok=True)
         trajectory.save(self.trajectory_file)
-        files = self.place / "EDITS.toml", self.place / "mended.npz"
-        session = Session(graph_of(motion, robot, trajectory, over), trajectory, *files)
+        self._store(work)
         alike = before is not None and len(before) == len(trajectory)
-        self.result, self._before = result, (choices, self.dropped)
-        self.editor = TakeEditor(replace(take, before=before if alike else None), session)
+        self.notes, self._before = result.notes, (choices, self.dropped)
+        self._edit(replace(take, before=before if alike else None))
         self._reach(work, "solved")
+
+    def _edit(self, take: Take) -> TakeEditor:
+        """Show a take that touch-ups can change."""
+        graph = graph_of(self.motion, self.robot, take.trajectory, self.map_file)
+        self.kinds = tuple(graph.kinds)
+        self.editor = TakeEditor(take, Session(graph, take.trajectory, *self.touched))
+        return self.editor
+
+    def reopen(self, work: Work) -> None:
+        """Show the stored trajectory with its touch-ups and its verdict; solve the clip if none is stored.
+
+        Raises:
+            FileError, TrajectoryError, GraphError: a stored file cannot be read.
+        """
+        path, robot = self.trajectory_file, self.robot
+        if not path.is_file() or not (self.place / STORED).is_file():
+            self._store(work)
+            return self.solve(work)
+        self._reach(work, "solving")
+        stored = read_json(self.place / STORED, FileError)
+        self.choose(stored["choices"])
+        self.dropped = stored["dropped"]
+        self._before = self.choices, self.dropped
+        editor = self._edit(take_of(rr.load_trajectory(path, robot), robot, self.motion, overrides=self.map_file))
+        edits, mended = self.touched
+        if mended.is_file() and mended.stat().st_mtime_ns > path.stat().st_mtime_ns:
+            path = mended
+            for edit in read_edits(edits):
+                editor.act("edit", edit.values)
+        report = report_beside(path, rr.load_trajectory(path, robot), robot)
+        if report is not None:
+            editor.take = replace(editor.take, report=replace(report, origin=self._origin(path)))
+        self._reach(work, "judged" if report else "solved")
+
+    def _origin(self, path: Path) -> Origin:
+        return Origin(str(path), self.model, str(self.motion_file), judge=shlex.join(self._judging()))
 
     def _draft(self, work: Work) -> None:
         """Show the result of the stream's solver, which is causal and takes milliseconds a frame."""
@@ -184,11 +232,10 @@ class Project:
         played = editor.take.trajectory
         warnings = warnings_of(played, self.robot) if len(played) > 1 else None
         how: dict[str, Any] = {"objects": choices["objects"], "feedback": False if choices["feedback"] else None}
-        progress = self._progress(work)
-        report = rr.simulate(played, self.robot, mode=mode_of(played), warnings=warnings, progress=progress, **how)
+        how |= {"mode": mode_of(played), "warnings": warnings, "progress": self._progress(work)}
+        report = rr.simulate(played, self.robot, **how)
         path = self.written(editor)
-        origin = Origin(str(path), self.model, str(self.motion_file), judge=shlex.join(self._judging()))
-        report = replace(report, origin=origin)
+        report = replace(report, origin=self._origin(path))
         save_judged(report, path, path.with_name(NAMES[mode_of(played)]))
         with editor.lock:
             editor.take = replace(editor.take, report=report)
@@ -229,7 +276,6 @@ class Project:
 
     def keep_kinds(self, dropped: list[str]) -> None:
         """Replace the list of dropped kinds of edges, and write it to `edges.toml`."""
-        self.place.mkdir(exist_ok=True)
         self.dropped = [str(kind) for kind in dropped]
         write_edits([Edit("drop", {"kind": kind}) for kind in self.dropped], self.place / "edges.toml")
 
@@ -246,7 +292,6 @@ class Project:
             raise UsageError("a keypoint is the human's or the robot's")
         tables = {key: dict(table) for key, table in read_map(self.map_file).items()} if self.map_file else {}
         tables.setdefault(body, {})[keypoint] = str(where) if body == "human" else [str(where), 0.0, 0.0, 0.0]
-        self.place.mkdir(exist_ok=True)
         with TemporaryDirectory() as scratch:
             tried = write_text(Path(scratch) / "map.toml", tomlkit.dumps(tables))
             rr.match(self.motion, self.robot, tried)
@@ -324,7 +369,7 @@ class Project:
 
     def packed(self) -> bytes:
         """Return the packed take with the facts of the project."""
-        with self._lock:
+        with self.lock:
             version, take = self.version, self.take
             return Viewer((take,)).packed({"studio": {"version": version, **facts_of(self, take)}})
 
@@ -354,7 +399,7 @@ class Project:
     def commands(self) -> list[str]:
         """Return the shell commands that write the same files."""
         choices, session = self.choices, self.editor and self.editor.session
-        path, mended = str(self.trajectory_file), str(self.place / "mended.npz")
+        path, (changes, mended) = str(self.trajectory_file), map(str, self.touched)
         robot, over = ["--robot", self.model], ["--map", str(self.map_file)] if self.map_file else []
         edges = ["--edges", str(self.place / "edges.toml")] if self.dropped else []
         how = _given(choices, "balance", "legs", "favour", "fps")
@@ -365,7 +410,7 @@ class Project:
         if choices["trim"]:
             lines.append(["edit", "cut", path, *robot, "--trim", choices["trim"], "-o", path])
         if session and session.edits:
-            made = ["--motion", str(self.motion_file), "--edges", str(self.place / "EDITS.toml"), *over]
+            made = ["--motion", str(self.motion_file), "--edges", changes, *over]
             lines.append(["edit", "mend", path, *robot, *made, "-o", mended])
             path = mended
         csv = str(Path(path).with_suffix(".csv"))

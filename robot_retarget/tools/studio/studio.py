@@ -5,7 +5,8 @@ import os
 import shutil
 from collections.abc import AsyncIterator, Callable
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
+from filecmp import cmp
+from functools import cache, partial
 from pathlib import Path
 from threading import Condition, Lock
 from typing import Any
@@ -19,12 +20,14 @@ from starlette.responses import FileResponse, JSONResponse, Response, StreamingR
 from starlette.routing import Route
 
 import robot_retarget as rr
-from robot_retarget.base.errors import MatchError, RobotRetargetError, UsageError, known
+from robot_retarget.base.errors import FileError, MatchError, RobotRetargetError, UsageError, known
 from robot_retarget.base.files import SAMPLES, folder
+from robot_retarget.base.untrusted.documents import read_json
 from robot_retarget.base.untrusted.limits import is_zip
 from robot_retarget.robot import recognise, shipped_robots
+from robot_retarget.tools.cli.console import note
 from robot_retarget.tools.cli.options import DEFAULT_ROBOT, MODELS
-from robot_retarget.tools.studio.project import Project, Work
+from robot_retarget.tools.studio.project import STORED, Project, Work
 from robot_retarget.tools.studio.uploads import motions_within, place_for, plain_name, robot_model, unpacked_zip
 from robot_retarget.tools.view.web import serve as web
 from robot_retarget.tools.view.web.editor import TakeEditor, touch_routes
@@ -54,7 +57,7 @@ class Studio:
         self.robots: dict[str, str] = {name: name for name in shipped_robots()}
         """The robots on the page: name → argument of `load_robot`."""
         self._loaded = dict[str, rr.Robot]()
-        self._read = dict[Path, rr.Motion]()
+        self._motion = cache(rr.read_motion)
         self._pool, self._lock = ThreadPoolExecutor(AT_ONCE), Lock()
         self._changes, self._changed = 0, Condition()
 
@@ -72,11 +75,6 @@ class Studio:
             if model not in self._loaded:
                 self._loaded[model] = rr.load_robot(model)
             return self._loaded[model]
-
-    def _motion(self, path: Path) -> rr.Motion:
-        if path not in self._read:
-            self._read[path] = rr.read_motion(path)
-        return self._read[path]
 
     def project(self, key: str) -> Project:
         """Return a project.
@@ -108,8 +106,18 @@ class Studio:
         except MatchError as error:
             raise MatchError(f"{motion.name} on {robot}: {error}") from error
         self.projects[key] = project
-        self.begin(project, project.solve)
+        self.begin(project, project.reopen)
         return project
+
+    def reopen(self) -> None:
+        """Add the projects that are stored in the folder; note each that cannot be read on stderr."""
+        for path in sorted(self.place.rglob(STORED)):
+            try:
+                stored = read_json(path, FileError)
+                self.robots.setdefault(stored["robot"], stored["model"])
+                self.add(path.parent.with_name(stored["motion"]), stored["robot"])
+            except (RobotRetargetError, KeyError, TypeError, ValueError) as error:
+                note(f"{path} is left out: {error}")
 
     def begin(self, project: Project, *steps: Callable[[Work], None]) -> None:
         """Stop the present work of a project and queue steps. They run one after the other in a thread of the pool."""
@@ -151,7 +159,9 @@ class Studio:
             case "stop":
                 project.work.stop = True
             case "remove":
-                project.work.stop = bool(self.projects.pop(project.key, None))
+                with project.lock:
+                    project.work.stop = bool(self.projects.pop(project.key, None))
+                    (project.place / STORED).unlink(missing_ok=True)
             case _:
                 raise UsageError(f"a project does not {what!r}")
         self.changed()
@@ -168,7 +178,17 @@ class Studio:
             recognise(self.robot(robot))
             self.robots[robot] = robot
         files = sorted(each for each in path.rglob("*") if each.is_file()) if path.is_dir() else [path]
-        self._each(files, lambda file: self.taken(self._copied(file), robot))
+        self._each(files, lambda file: self._bring(file, robot))
+
+    def _bring(self, file: Path, robot: str) -> None:
+        """Copy a clip and add it; add the earlier copy if the studio has the clip."""
+        copied, others = self._copied(file), [project.motion_file for project in self.projects.values()]
+        same = next((other for other in others if cmp(copied, other, shallow=False)), None)
+        if same is None:
+            self.taken(copied, robot)
+        else:
+            shutil.rmtree(copied.parent)
+            self.add(same, robot)
 
     def _copied(self, file: Path) -> Path:
         copied = place_for(self.place, file.name) / plain_name(file.name)
