@@ -21,6 +21,7 @@ from studio_page import Opened, opened_studio, short_clip
 
 import robot_retarget as rr
 from robot_retarget.base.files import SAMPLES
+from robot_retarget.tools.studio.facts import marks_of
 from robot_retarget.tools.studio.uploads import plain_name
 from robot_retarget.tools.view.web import serve as web
 
@@ -52,6 +53,7 @@ def without_speed(report: bytes) -> dict[str, object]:
 
 def test_studio_shell_and_python_give_the_same_bytes(opened: Opened, wave: Path, tmp_path: Path) -> None:
     project = opened.solved(wave, "g1_class")
+    assert "costly edge" in {mark["kind"] for mark in marks_of(project, project.take)}
     opened.do(project, "judge")
     trajectory, report = (project.place / name for name in ("trajectory.npz", "report.pinned.json"))
     ours, figures = trajectory.read_bytes(), without_speed(report.read_bytes())

@@ -159,7 +159,7 @@ class Project:
         graph = edited(graph, [Edit("drop", {"kind": kind}) for kind in self.dropped])
         how: dict[str, Any] = {"balance": choices["balance"], "progress": self._progress(work)}
         result = rr.solve(graph, legs=cast(Legs, choices["legs"]), **how)
-        trajectory, (take,) = result.trajectory, rr.view(result).takes
+        trajectory = (take := rr.view(result).takes[0]).trajectory
         if choices["speed"] != "1":
             trajectory = rr.sequence([trajectory], robot, speed=float(choices["speed"]), **how).trajectory
         if choices["trim"]:
