@@ -92,6 +92,11 @@ def test_a_touch_up_by_mouse_gives_the_file_of_the_command_line(opened: Tab, fol
     assert opened.run(off) < 0.01 or "joint range" in opened.run(SAID)
     press(opened, "apply")
     assert opened.run("return viewer.touch.state.edits") == 1, "solve after a drag added its edge again"
+    opened.run("document.querySelector('#touch output').textContent = ''")
+    drag(opened, "l_hand", 10, 30)
+    opened.until(DONE)
+    assert opened.run("return viewer.touch.state.edits") == 1, "a second drag of the hand opposes the first"
+    assert opened.run(off) < 0.01 or "joint range" in opened.run(SAID)
     drag(opened, "r_hand", 0, 0)
     drag(opened, "r_hip", 0, 0)
     form = "document.getElementById('relation').value = 'most'; document.getElementById('far').value = '9';"

@@ -4,8 +4,9 @@ import { Vector3 } from "#vendor";
 import { decoded } from "#data";
 import { made } from "#dom";
 import { KeypointDrag } from "#drag";
-import { post } from "#server";
+import { about, post } from "#server";
 import { Sticks } from "#sticks";
+import { worded } from "#words";
 
 const FIRM = 1e4; // priority of an edge to where a keypoint was dropped: met to a millimetre wherever the joints reach [-]
 const HALF = 0.25; // an edge lasts this long before and after the moment [s]
@@ -28,6 +29,7 @@ export class Touch {
   #form(holder) {
     this.form = holder;
     this.made = null; // the ends of the latest edit, while no others are picked
+    this.latest = null; // the latest edit, and its project
     this.ends = made("b", { textContent: "nothing picked" });
     this.relation = made("select", { id: "relation", ariaLabel: "how the two are to be" }, ...Object.entries(RELATIONS).map(([value, text]) => made("option", { value, textContent: text })));
     const number = (id, step, ariaLabel) => made("input", { type: "number", id, step, min: 0, ariaLabel });
@@ -76,7 +78,7 @@ export class Touch {
   /** Choose the ends of an edge: names of keypoints, or a place as a Vector3. */
   pick(picks) {
     this.picks = picks;
-    const names = picks.map((pick) => (typeof pick === "string" ? pick : "where you dragged it"));
+    const names = picks.map((pick) => (typeof pick === "string" ? worded(pick) : "where you dragged it"));
     this.ends.textContent = names.length ? names.join(" – ") : "nothing picked";
     const { time, duration } = this.player, hundredths = (value) => Math.round(value * 100) / 100;
     this.from.value = hundredths(Math.max(time - HALF, 0));
@@ -129,9 +131,16 @@ export class Touch {
 
   async make() {
     if (this.picks.length < 2) return;
-    const { picks } = this, instead = this.made === picks;
-    if (await this.send("edit", { ...this.edge(), instead })) this.made = picks;
+    const { picks } = this, edge = this.edge(), instead = this.made === picks || this.#again(edge);
+    if (await this.send("edit", { ...edge, instead })) Object.assign(this, { made: picks, latest: { ...edge, project: about.get("project") } });
     this.#offer();
+  }
+
+  /** Whether an edge drags the keypoint of the latest edit once more, at times of that edit. */
+  #again({ a, b, frames: [from, to] }) {
+    const { latest } = this;
+    if (!latest || latest.project !== about.get("project")) return false;
+    return latest.a === a && [latest.b, b].every(Array.isArray) && from <= latest.frames[1] && latest.frames[0] <= to;
   }
 
   #say(text, bad = false) {
@@ -149,7 +158,7 @@ export class Touch {
       this.#shown(await decoded(answer.body));
       this.#report(what, (performance.now() - began) / 1000);
       if (what !== "judge") this.later = setTimeout(() => this.#check(), PATIENCE);
-      if (what === "undo" || what === "redo") this.made = null;
+      if (what === "undo" || what === "redo") this.made = this.latest = null;
       return true;
     } catch (error) {
       this.#say(error.message, true);
