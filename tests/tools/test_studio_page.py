@@ -1,6 +1,5 @@
 """The studio in a browser: from a dropped file to an exported one, with everything between done by mouse and keys."""
 
-import json
 import shlex
 import time
 from collections.abc import Iterator
@@ -117,8 +116,7 @@ def test_a_second_browser_sees_the_same_clips(studio: Opened, page: Tab) -> None
         other.open(studio.served.address)
         other.until("return viewer.studio.lines.length === 1")
         key = other.run("return viewer.studio.lines[0].key")
-        other.run(f"location.hash = encodeURIComponent({json.dumps(key)})")
-        other.until("return viewer.takes.length === 1")
+        other.until("return viewer.takes.length === 1 && location.hash.length > 1")
         assert rr.load_trajectory(studio.studio.project(key).trajectory_file).robot == "g1_class"
 
 

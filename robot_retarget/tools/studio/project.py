@@ -55,7 +55,7 @@ class Work:
     """The steps of a project in one thread, from the queue to their end."""
 
     state: str = "waiting"
-    """`waiting`, `solving`, `solved`, `judging`, `judged`, `stopped` or `failed`."""
+    """`waiting`, `opening`, `solving`, `solved`, `judging`, `judged`, `stopped` or `failed`."""
     share: float = 0.0
     began: float = 0.0
     stop: bool = False
@@ -64,7 +64,7 @@ class Work:
     @property
     def busy(self) -> bool:
         """Whether the work waits or runs."""
-        return self.state in ("waiting", "solving", "judging")
+        return self.state in ("waiting", "opening", "solving", "judging")
 
     def left(self) -> float | None:
         """Return the remaining time [s], estimated from the finished share; None up to a share of 0.05."""
@@ -191,7 +191,7 @@ class Project:
         if not path.is_file() or not (self.place / STORED).is_file():
             self._store(work)
             return self.solve(work)
-        self._reach(work, "solving")
+        self._reach(work, "opening")
         stored = read_json(self.place / STORED, FileError)
         self.choose(stored["choices"])
         self.dropped = stored["dropped"]

@@ -14,8 +14,9 @@ const CHOICES = {
   favour: ["Favour", { balanced: "a blend", directions: "directions of limbs", distances: "distances of parts" }],
 };
 const LIVE = "live"; // the name of the stream among the projects
-const STATES = { live: "live", waiting: "waits for its turn", solving: "solving", solved: "solved", judging: "judging", judged: "judged", stopped: "stopped", failed: "not possible" };
+const STATES = { live: "live", waiting: "waits for its turn", opening: "opening", solving: "solving", solved: "solved", judging: "judging", judged: "judged", stopped: "stopped", failed: "not possible" };
 const $ = (id) => document.getElementById(id);
+const plain = (text) => text.replaceAll("`", "");
 
 export class Studio {
   constructor(page) {
@@ -155,10 +156,11 @@ export class Studio {
   // What the server says.
 
   #heard({ projects, robots, samples, live }) {
+    const first = !this.lines.length;
     this.lines = live ? [{ key: LIVE, clip: "the stream", robot: "", state: "live", reasons: [], version: 1 }, ...projects] : projects;
     this.#offer(robots);
     if (!$("samples").children.length) $("samples").append("or try ", ...samples.map((sample) => button(sample.replace(/\.bvh$/, "").replaceAll("_", " "), () => this.#ask(() => this.#add({ sample, robot: this.robot.value })))));
-    if (live && !this.keys.length) return void (location.hash = LIVE);
+    if (!this.keys.length && (live || (first && projects.length))) return void (location.hash = live ? LIVE : encodeURIComponent(projects.at(-1).key));
     if (this.facts && document.activeElement !== this.robot) this.robot.value = this.line.robot;
     this.#draw();
     this.#refresh();
@@ -205,7 +207,7 @@ export class Studio {
   #draw() {
     const { line } = this;
     this.card.hidden = this.keys.length > 0;
-    document.body.classList.toggle("empty", !this.keys.length && this.lines.length < 2);
+    document.body.classList.toggle("empty", !this.keys.length && !this.lines.length);
     if (!(this.card.hidden ? this.top : this.card).contains(this.pick)) {
       (this.card.hidden ? this.top.firstChild : this.card.querySelector(".main")).after(this.pick);
       (this.card.hidden ? this.top : this.card.lastChild).after(this.said);
@@ -222,12 +224,12 @@ export class Studio {
     const bad = ({ badge, state }) => state === "failed" || (badge && badge.level !== "pass");
     const kept = { all: () => true, pass: ({ badge }) => badge?.level === "pass", "not yet judged": ({ badge, state }) => !badge && state !== "failed", bad };
     const shown = this.lines.filter(kept[this.filter]);
-    this.list.hidden = this.lines.length < 2;
+    this.list.hidden = this.lines.length < (this.keys.length ? 2 : 1);
     const state = JSON.stringify([shown.map(({ key, state, busy, share, badge, reasons, error }) => [key, state, busy && Math.round(20 * share), badge, reasons, error]), this.keys, this.filter, this.lines.length]);
     if (this.list.hidden || state === this.listed) return;
     this.listed = state;
     this.list.replaceChildren(
-      made("div", { className: "row" }, made("h2", { textContent: `${this.lines.length} clips` }),
+      made("div", { className: "row" }, made("h2", { textContent: `${this.lines.length} clip${this.lines.length === 1 ? "" : "s"}` }),
         select("which clips are listed", Object.keys(kept), this.filter, (value) => {
           this.filter = value;
           this.#drawList();
@@ -287,7 +289,7 @@ export class Studio {
     if (!verdict) return this.verdict.replaceChildren(made("h2", { textContent: "Verdict" }), made("p", { className: "faint", textContent: "Plays it on simulated servos, and says what fails and what helps." }), made("div", { className: "row" }, judge));
     const cures = verdict.cures.map(({ reasons, what, command, sets }) => made("div", {},
       ...reasons.map((reason) => made("p", { textContent: reason })),
-      ...(command ? [Object.keys(sets).length ? button(what, () => this.#do("cure", command), { className: "cure" }) : made("p", { className: "faint", textContent: `What helps: ${what}` })] : [])));
+      ...(command ? [Object.keys(sets).length ? button(plain(what), () => this.#do("cure", command), { className: "cure" }) : made("p", { className: "faint", textContent: `What helps: ${plain(what)}` })] : [])));
     this.verdict.replaceChildren(made("h2", { textContent: "Verdict" }),
       made("p", { className: `badge ${verdict.badge.level}`, textContent: verdict.badge.text }), made("p", { textContent: verdict.headline }),
       ...(cures.length ? [made("div", { className: "cures" }, ...cures)] : []), made("div", { className: "row" }, judge));
