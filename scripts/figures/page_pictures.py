@@ -15,7 +15,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from threading import Thread
 from typing import Any
-from urllib.parse import quote
 
 from PIL import Image
 from selenium import webdriver
@@ -61,8 +60,8 @@ STILLS = {
     "still_batch": ("set/summary.html", (1000, 700), ""),
 }
 """The same for the small pictures of the README."""
-STUDIO = (1400, 800)
-"""Width and height of the window of the studio [pixels]."""
+STUDIO = (1400, 900)
+"""Width and height of the window of the studio, of which the browser takes 143 in height [pixels]."""
 SMALL = (480, 336)
 """Their size [pixels]."""
 
@@ -87,18 +86,18 @@ def main() -> None:
 
 
 def _studio(browser: Any, place: Path) -> None:
-    """Show a clip in the studio, solved and judged."""
+    """Show a clip in the studio, solved and judged, and another one in its list."""
     opened = Studio(place)
     served = opened.served(0)
     Thread(target=served.forever, daemon=True).start()
-    opened.bring(SAMPLES / "wave.bvh", "op3")
-    (project,) = opened.projects.values()
-    while project.work.state != "judged":
-        if project.work.state == "solved":
-            opened.begin(project, project.judge)
-        time.sleep(DRAWN)
+    for clip, robot in (("clap", "g1_class"), ("wave", "op3")):
+        opened.bring(SAMPLES / f"{clip}.bvh", robot)
+        project = [*opened.projects.values()][-1]
+        opened.begin(project, project.solve, project.judge)
+        while project.work.state not in ("judged", "failed"):
+            time.sleep(DRAWN)
     browser.set_window_size(*STUDIO)
-    browser.get(f"{served.address}#{quote(project.key, safe='')}")
+    browser.get(served.address)
     time.sleep(2 * DRAWN)
     browser.execute_script("viewer.player.seek(2.5)")
     time.sleep(DRAWN)
