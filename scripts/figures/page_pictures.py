@@ -49,21 +49,23 @@ PICTURES = {
     "compare": ("two.html", (1200, 1140), "viewer.player.seek(2.5); viewer.panel.toggle('near')"),
 }
 """Page, width and height of the window [pixels], and what happens on the page before the picture."""
+SMALL = (480, 336)
+"""Width and height of the small pictures of the README [pixels]."""
+LARGE = (1000, 843)
+"""Width and height of their window, of which the browser takes 143 in height: the page has the proportions of `SMALL` [pixels]."""
 STILLS = {
-    "still_report": ("walk/report.html", (1000, 700), ""),
-    "still_touchup": ("touchup.html", (1000, 700), "viewer.player.seek(2.2); viewer.touch.toggle()"),
+    "still_report": ("walk/report.html", LARGE, ""),
+    "still_touchup": ("touchup.html", LARGE, "viewer.player.seek(2.2); viewer.touch.toggle()"),
     "still_graph": (
         "clap/viewer.html",
-        (1000, 700),
-        "viewer.player.seek(2.2); viewer.panel.toggle('keypoints'); viewer.panel.toggle('edges')",
+        LARGE,
+        "viewer.player.seek(2.2); viewer.panel.label(); ['near', 'keypoints', 'edges'].forEach((layer) => viewer.panel.toggle(layer))",
     ),
-    "still_batch": ("set/summary.html", (1000, 700), ""),
+    "still_batch": ("set/summary.html", LARGE, ""),
 }
-"""The same for the small pictures of the README."""
+"""Page, window and script of the small pictures."""
 STUDIO = (1400, 900)
-"""Width and height of the window of the studio, of which the browser takes 143 in height [pixels]."""
-SMALL = (480, 336)
-"""Their size [pixels]."""
+"""Width and height of the window of the studio, whose page has 757 pixels in height [pixels]."""
 
 
 def main() -> None:
@@ -113,7 +115,10 @@ def _pages(pages: Path) -> None:
     _bodies(pages / "bodies.html")
     result = rr.retarget(SAMPLES / "wave.bvh", "op3", balance="off")
     (pages / "touchup.html").write_text(rr.view(result).page_with("touch"), encoding="utf-8")
-    _command("batch", SAMPLES, "--robot", "op3", "--out", pages / "set")
+    clips = folder(pages / "clips")
+    for clip in SAMPLES.glob("*.bvh"):
+        shutil.copy(clip, clips)
+    _command("batch", clips, "--robot", "op3", "--out", pages / "set")
 
 
 def _bodies(page: Path) -> None:
