@@ -1,25 +1,14 @@
 """Trajectories into files of others and out of them."""
 
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.base.errors import FileError, TrajectoryError, UsageError, known
 from robot_retarget.base.files import replacing, replacing_folder, require_writable, write_text
 from robot_retarget.base.untrusted.limits import refusing
-from robot_retarget.formats import (
-    action_pages,
-    archives,
-    lerobot,
-    mujoco_files,
-    omniretarget,
-    pickles,
-    ros,
-    servo_files,
-    skeleton,
-    tables,
-    tracking,
-)
 from robot_retarget.formats.columns import Columns, assembled, doubt, holds, reordered
 from robot_retarget.formats.robot_motion import FormatOptions, RobotMotion, continuous, robot_motion
 from robot_retarget.formats.source import ROWS, TrajectoryFormat, TrajectorySource, sidecar_path, sidecar_text
@@ -32,21 +21,10 @@ from robot_retarget.scene.shape import ShapeKind
 from robot_retarget.trajectory import Trajectory
 from robot_retarget.trajectory import load_trajectory as load_native
 
-# The table of formats: those of the modules here, in the order of `formats.toml`; a new format is a row there and `declared` in a module.
+# The table of formats: those of the modules of this folder, in the order of `formats.toml`; a new format is a row there and `declared` in a module.
 
-_MODULES = (
-    action_pages,
-    archives,
-    lerobot,
-    mujoco_files,
-    omniretarget,
-    pickles,
-    ros,
-    servo_files,
-    skeleton,
-    tables,
-    tracking,
-)
+_NAMES = {module.name for module in iter_modules([str(Path(__file__).parent)])} - {"io"}
+_MODULES = [import_module(f"robot_retarget.formats.{name}") for name in _NAMES]
 _FOUND = {one.name: one for module in _MODULES for one in vars(module).values() if isinstance(one, TrajectoryFormat)}
 FORMATS: dict[str, TrajectoryFormat] = {name: _FOUND[name] for name in ROWS}
 

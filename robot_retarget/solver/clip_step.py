@@ -13,10 +13,8 @@ which has the band of H. Predictor and corrector of [Mehrotra1992] share its fac
 """
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
-from threadpoolctl import ThreadpoolController
 
 from robot_retarget.base.arrays import Bools, Floats, Ints
 from robot_retarget.solver.banded import BandedSystem, FrameCoupling
@@ -113,11 +111,6 @@ class StepProgram:
             gap: Σ t z at the start, of the size of what the step may gain.
             least: a gain that counts; more Newton steps decide whether there is one.
         """
-        with _libraries().limit(limits=1, user_api="blas"):
-            return self._taken(system, gap, least)
-
-    def _taken(self, system: BandedSystem, gap: float, least: float) -> tuple[Floats, float, int]:
-        """Take Newton steps from x = 0 on; the arguments and results of `minimised`."""
         x = np.zeros_like(self.gradient)
         force, slack = self._start(gap / len(self.lower))
         worst, gained, taken = self._penalty(x), 0.0, 0
@@ -230,9 +223,3 @@ class StepProgram:
     def _split(self, every: Floats) -> list[Floats]:
         """Return the values of rows, boxes and changes, each in its shape."""
         return [part.reshape(shape) for part, shape in zip(np.split(every, self._ends), self._shapes, strict=True)]
-
-
-@cache
-def _libraries() -> ThreadpoolController:
-    """Return the loaded BLAS: with one thread its sums have one order on every machine. Two threads on two busy cores take 70 times as long."""
-    return ThreadpoolController()

@@ -98,20 +98,6 @@ class FrameSolver:
         base = self.costs.linearize(start, targets, between)
         return Descent(np.array(start), targets, base, TrustRegions(self.options, len(start)), box, between=between)
 
-    def step_frames(self, descent: Descent, frames: Ints) -> None:
-        """Try one step of some frames of a descent; a frame whose step gains too little does not move."""
-        descent.last.clear()
-        descent.status[frames] = Status.OUT_OF_ITERATIONS
-        self._advance(descent, frames)
-
-    def renew(self, descent: Descent, frames: Ints) -> None:
-        """Linearise some frames of a descent again, with the rows of links on their ways."""
-        if not frames.size:
-            return
-        targets, between = descent.at(frames)
-        found = self.costs.linearize(descent.qpos[frames], targets, between)
-        descent.base.put(frames, found, np.ones(len(frames), dtype=bool))
-
     def ended(self, descent: Descent) -> list[FrameSolution]:
         """Return the poses of a descent, with closed chains."""
         base, taken = descent.base, descent.regions.taken.tolist()

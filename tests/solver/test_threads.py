@@ -1,5 +1,7 @@
 """Threads share the frames of a clip: the result is that of one thread, bit by bit."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 from threadpoolctl import ThreadpoolController
@@ -27,6 +29,17 @@ def test_threads_of_linear_algebra_change_no_bit_of_a_clip() -> None:
         with libraries.limit(limits=threads, user_api="blas"):
             found.append(solve(graph).trajectory.qpos)
     np.testing.assert_array_equal(*found)
+
+
+def test_clips_that_are_solved_at_once_have_every_bit_of_each_alone() -> None:
+    robot, motion = load_robot("op3"), read_motion(SAMPLES / "clap.bvh")
+    graphs = [describe(motion.frames(first, 40), robot).unbalanced() for first in (20, 0, 10)]
+    with ThreadpoolController().limit(limits=2, user_api="blas"):
+        alone = [solve(graph).trajectory.qpos for graph in graphs]
+        with ThreadPoolExecutor(len(graphs)) as pool:
+            at_once = [solution.trajectory.qpos for solution in pool.map(solve, graphs)]
+    for one, other in zip(alone, at_once, strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 @pytest.mark.parametrize(
