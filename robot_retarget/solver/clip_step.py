@@ -62,7 +62,7 @@ class StepRows:
         moved = 0.0 if step is None else (self.slope @ step[..., None])[..., 0]
         lacking = np.maximum(self.lower - moved, 0.0) ** 2
         own = np.where(self.links, 0.0, self.price * lacking).sum(axis=1)
-        return own + self.shared * np.where(self.links, lacking, 0.0).max(axis=1)
+        return own + self.shared * np.where(self.links, lacking, 0.0).max(axis=1, initial=0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +127,7 @@ class StepProgram:
         root = np.sqrt(self.lower**2 + 4 * barrier * self.give)
         force = np.where(self.lower > 0, (self.lower + root) / (2 * self.give), 2 * barrier / (root - self.lower))
         rows, links = self.rows, self.rows.links
-        deepest = np.where(links, rows.lower, 0.0).max(axis=1, keepdims=True)
+        deepest = np.where(links, rows.lower, 0.0).max(axis=1, keepdims=True, initial=0.0)
         most = np.sqrt(barrier * np.maximum(links.sum(axis=1, keepdims=True), 1) / rows.shared)
         least = barrier / (rows.shared * (deepest + most))
         pushed = np.zeros_like(rows.lower)

@@ -68,11 +68,13 @@ def drag(opened: Tab, keypoint: str, right: int, down: int) -> None:
     """Take a keypoint with the mouse and let it go elsewhere [pixels]; without a way it is a click."""
     from selenium.webdriver.common.actions.action_builder import ActionBuilder
 
-    x, y = opened.run(
+    place = (
         f"const t = viewer.touch, p = t.at(t.keypoints.names.indexOf('{keypoint}')).project(viewer.stage.camera);"
         "const box = document.getElementById('canvas').getBoundingClientRect();"
-        "return [box.left + (p.x + 1) / 2 * box.width, box.top + (1 - p.y) / 2 * box.height]"
+        "const x = (p.x + 1) / 2, y = (1 - p.y) / 2;"
     )
+    opened.until(place + "return 0 < x && x < 1 && 0 < y && y < 1")  # the camera follows as the page is drawn
+    x, y = opened.run(place + "return [box.left + x * box.width, box.top + y * box.height]")
     act = ActionBuilder(opened.driver)
     act.pointer_action.move_to_location(round(x), round(y)).pointer_down()
     if right or down:
