@@ -1,5 +1,6 @@
 """A touch-up in the browser: the command line reproduces the result of the mouse from the saved file."""
 
+import re
 import threading
 from collections.abc import Iterator
 from functools import partial
@@ -92,6 +93,7 @@ def test_a_touch_up_by_mouse_gives_the_file_of_the_command_line(opened: Tab, fol
     opened.until(DONE)
     off = "const t = viewer.touch; return t.at(t.keypoints.names.indexOf('l_hand')).distanceTo(t.picks[1])"
     assert opened.run(off) < 0.01 or "joint range" in opened.run(SAID)
+    assert re.search(r"· left hand \d\.\d cm from where you dropped it(?!.*hard edge)", opened.run(SAID))
     press(opened, "apply")
     assert opened.run("return viewer.touch.state.edits") == 1, "solve after a drag added its edge again"
     opened.run("document.querySelector('#touch output').textContent = ''")

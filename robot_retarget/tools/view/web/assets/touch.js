@@ -6,7 +6,7 @@ import { made } from "#dom";
 import { KeypointDrag } from "#drag";
 import { about, post } from "#server";
 import { Sticks } from "#sticks";
-import { worded } from "#words";
+import { inCm, worded } from "#words";
 
 const FIRM = 1e4; // priority of an edge to where a keypoint was dropped: met to a millimetre wherever the joints reach [-]
 const HALF = 0.25; // an edge lasts this long before and after the moment [s]
@@ -179,9 +179,18 @@ export class Touch {
   }
 
   #report(what, seconds) {
-    const { edits, seconds: solving, reached } = this.state, count = `${edits} edit${edits === 1 ? "" : "s"}`;
+    const { edits, seconds: solving } = this.state, reached = this.#reached(), count = `${edits} edit${edits === 1 ? "" : "s"}`;
     if (what === "judge") return this.#say(`${count} · ${this.casts[0].take.report.badge.text}, judged in ${seconds.toFixed(1)} s`);
     this.#say(what === "edit" ? `solved in ${solving.toFixed(2)} s, shown after ${seconds.toFixed(2)} s; before in blue · ${count}${reached ? ` · ${reached}` : ""}` : count);
+  }
+
+  /** What the latest edit has reached; of a drag, how far the keypoint is from where it was dropped, and why. */
+  #reached() {
+    const place = this.#place(), reached = this.state.reached.replaceAll("`", "");
+    if (!place || !reached) return reached;
+    const [name] = this.picks, away = this.at(this.keypoints.names.indexOf(name)).sub(this.casts[0].position).distanceTo(place);
+    const why = reached.split("; ").slice(2).map((said) => (said.startsWith("hard edge") ? said.slice(said.lastIndexOf(": ") + 2) : said));
+    return [...new Set([`${worded(name)} ${inCm(away)} from where you dropped it`, ...why])].join("; ");
   }
 
   async #check() {
