@@ -79,8 +79,10 @@ def test_a_clip_is_dropped_mended_touched_up_judged_and_exported_as_the_shell_do
     assert abs(after[2] - before[2]) > 0.01, (before, after)
     page.run("document.getElementById('judge-it').click()")
     page.until("return viewer.studio.facts?.verdict")
-    page.run("document.getElementById('fold-away').open = true; document.getElementById('export').click()")
+    page.run("document.getElementById('fold-away').open = true; document.getElementById('export').scrollIntoView()")
+    page.run("document.getElementById('export').click()")
     page.until("return document.getElementById('message').textContent.includes('downloads')")
+    assert 0 < page.run("return document.getElementById('message').getBoundingClientRect().top") < 200
     exported = studio.asked("export", project=project.key, format="mjlab")
     lines = page.run("return document.getElementById('commands').textContent").splitlines()
     for line in [*lines[1:-1], lines[-1].replace("--format csv", "--format mjlab").replace(".csv", ".mjlab.npz")]:
