@@ -240,6 +240,10 @@ def test_a_robot_of_a_zip_is_chosen_and_followed(opened: Opened, wave: Path, tmp
         archive.writestr("robot/a.xml", '<mujoco><include file="g1_class.xml"/></mujoco>')
     name = opened.drop(path)["robot"]
     project = opened.solved(wave, name)
+    other = tmp_path / "g1_class.zip"
+    other.write_bytes(path.read_bytes())
+    assert [opened.drop(other)["robot"] for _ in range(2)] == ["my_g1_class", "g1_class_2"]
+    assert opened.studio.robots["g1_class"] == "g1_class", "a shipped robot is replaced"
     assert name == "my_robot" and project.robot is not None and project.robot.name == "g1_class"
 
 

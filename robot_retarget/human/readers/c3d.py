@@ -20,9 +20,8 @@ _BIG_ENDIAN = 86
 
 
 def matches_format(header: FileHeader) -> bool:
-    """Whether a file begins as C3D does: the number of the block of its parameters, then 0x50; the block has a processor's code."""
-    head = header.head
-    return head[1:2] == b"P" and head[512 * max(head[0], 1) - 509 :][:1] in (b"T", b"U", b"V")  # 84 to 86
+    """Whether a file begins as C3D does: number of its block of parameters, then 0x50; that block has a processor's code, 84 to 86."""
+    return header.head[1:2] == b"P" and header.head[512 * max(header.head[0], 1) - 509 :][:1] in (b"T", b"U", b"V")
 
 
 def read(path: Path, request: Request) -> Capture:

@@ -227,9 +227,10 @@ class Studio:
             model = robot_model(unpacked) if unpacked else path if path.suffix.lower() in MODELS else None
             if model is not None:
                 notes = recognise(self.robot(str(model))).notes
-                self.robots[path.stem] = str(model)
+                name = path.parent.name if path.parent.name not in self.robots else f"my_{path.parent.name}"
+                self.robots[name] = str(model)
                 self.changed()
-                return {"robot": path.stem, "notes": notes}
+                return {"robot": name, "notes": notes}
             keys = list[str]()
             clips = motions_within(unpacked) if unpacked else [path]
             left_out = self._each(clips, lambda clip: keys.append(self.add(clip, robot).key))
