@@ -124,9 +124,9 @@ def from_log(log: ServoLog, servo_map: ServoMap, joint: str, loads: Floats) -> F
         raise ServoError(
             f"{joint} moves by {travel:.2f} rad in the log: {TRAVEL:g} are needed to tell its parameters apart"
         )
-    times = np.arange(int((len(log.goals) - 1) / log.rate * RATE) + 1) / RATE
+    times = np.arange(round((len(log.goals) - 1) / log.rate * RATE) + 1) / RATE
     rows = np.arange(len(log.goals)) / log.rate
-    held = np.minimum((times * log.rate + 1e-6).astype(int), len(rows) - 1)
+    held = np.minimum(((times + 0.5 / RATE) * log.rate).astype(int), len(rows) - 1)  # a goal comes at the nearest step
     present, load = (np.interp(times, rows, values) for values in (log.angles[:, column], loads))
     sent = np.array([servo.radians(servo.ticks(goal)) for goal in log.goals[held, column]])
     voltage = servo.motor.voltage if log.voltage is None else log.voltage

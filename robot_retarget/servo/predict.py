@@ -64,7 +64,7 @@ def _predicted(log: ServoLog, servo_map: ServoMap, servo: Servo, load: float | F
     own = servo_map.identified.get(servo.type.name)
     found = own or mechanics_of(motor)
     times = np.arange(round((len(goals) - 1) / log.rate / STEP) + 1) * STEP
-    row = np.minimum((times * log.rate + 1e-9).astype(int), len(goals) - 1)
+    row = np.minimum(((times + STEP / 2) * log.rate).astype(int), len(goals) - 1)  # a goal comes at the nearest step
     carried = load[row] if isinstance(load, np.ndarray) else Pendulum(1e-3, 1e-3, load)
     voltage = motor.voltage if log.voltage is None else log.voltage
     gain = own.gain if own else 1.0

@@ -65,7 +65,7 @@ def test_a_servo_is_found_from_a_playback_of_the_robot_with_its_limb_as_the_load
     real = Identified(0.12, 0.1, 0.02)
     arm = replace(BENCH, servos=tuple(replace(BENCH["j1"], joint=f"j{k}", id=k) for k in (1, 2)))
     (tmp_path / "arm.xml").write_text(ARM)
-    times = np.arange(900)[:, None] / 125
+    times = np.arange(1500)[:, None] / 125
     swing = 0.5 * np.sin(2 * np.pi * (0.35 + 0.03 * times) * times) * [1, -1] + 0.2 * np.sin(
         2 * np.pi * 1.7 * times + [0, 1]
     )
