@@ -31,10 +31,10 @@ NEWTON = 2
 """Newton steps of a program at most: the next linearisation moves the minimum further (with 3, -0.5 … 0.5 and 1.4 times the
 factorisations; with 6, one OP3 clip costs 6 more) ..."""
 DECIDED = 9
-"""... and where they have not yet gained anything that counts: measured, each leaves a tenth of the gap of 0.3 of the cost, and 1e-5 of it
+"""... and until their gain counts: measured, each leaves a tenth of the gap of 0.3 of the cost, and 1e-5 of it
 is below every gain that counts."""
 RELATIVE_GAP = 0.05
-"""A program ends where the gap is a smaller share of what it gained [-] (0; 0)."""
+"""A program ends where the gap is a smaller share of its gain [-] (0; 0)."""
 ALONE_GIVE = 0.01
 """Share of 1/μ by which each link gives way alone [-]: W stays below 100 μ, whose rounding the least damping exceeds."""
 BISECTED = 12
@@ -108,7 +108,7 @@ class StepProgram:
 
         Args:
             system: the memory of the factor.
-            gap: Σ t z at the start, of the size of what the step may gain.
+            gap: Σ t z at the start, of the size of the expected gain.
             least: a gain that counts; more Newton steps decide whether there is one.
         """
         x = np.zeros_like(self.gradient)

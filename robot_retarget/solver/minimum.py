@@ -35,7 +35,7 @@ STARTING = 0.3
 """Gap with which a step's program starts, over the cost: programs that start near their end move in tiny steps [-] (-0.1 … 0.1;
 0) ..."""
 GAINED = 10.0
-"""... and over what the step before gained, if that is more [-] (-0.1 … 0.3; 0 … 0.1)."""
+"""... and over the gain of the step before, if that is more [-] (-0.1 … 0.3; 0 … 0.1)."""
 FLOOR_PRICE = 0.1
 """Price of a sole under the floor over that of links in each other [-]: the root is raised at the end (-0.1 … 0.4; -0.1 … 0.1)."""
 TOUCHING_TRUST = 0.1
@@ -46,7 +46,7 @@ LEAST = 1e-6
 EASIER = 4.0
 """Factor by which a frame's damping grows or shrinks in a step at most [-]; [Nielsen1999] has 3 for the latter ..."""
 STIFFER = 0.1
-"""... and what it gains in addition where it grows [1/rad²] (-0.1 … 0.1; 0 … 0.2)."""
+"""... and its additional growth [1/rad²] (-0.1 … 0.1; 0 … 0.2)."""
 SHORTER = 0.4
 """Share of a step that is kept where it raised the cost [-] (0 … 0.1; 0 … 0.3) ..."""
 BESIDE = 0.2
@@ -224,7 +224,7 @@ class ClipMinimum:
         self.damping = np.maximum(factor * self.damping + STIFFER * np.maximum(factor - 1, 0), LEAST)
 
     def _minimised(self) -> tuple[Floats, float]:
-        """Return the step (M, nv) that minimises the model within trust regions, and what it gains."""
+        """Return the step (M, nv) that minimises the model within trust regions, and its gain."""
         model = self.model
         normal = np.array(model.frames.normal, order="C")
         diagonal(normal)[:] += self.damping[:, None]

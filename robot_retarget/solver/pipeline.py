@@ -25,7 +25,7 @@ from robot_retarget.scores.plausibility import mismatch
 from robot_retarget.solver.balance.balance import balance_modes, in_balance
 from robot_retarget.solver.balance.balanced_ik import BalanceOptions
 from robot_retarget.solver.balance.playback import Balanced, expected_steps
-from robot_retarget.solver.one_thread import OneThread
+from robot_retarget.solver.one_thread import ONE_THREAD
 from robot_retarget.solver.options import Search, Smoothing, SolveOptions
 from robot_retarget.solver.solution import Solution
 from robot_retarget.solver.solve import solve_graph
@@ -140,7 +140,7 @@ is smooth already, and every joint has a target. Half and double change the cost
 %."""
 
 
-@OneThread()
+@ONE_THREAD
 def solve(
     graph: RobotGraph,
     *,

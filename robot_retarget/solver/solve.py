@@ -14,7 +14,7 @@ from robot_retarget.human.motion import Motion
 from robot_retarget.robot import Robot
 from robot_retarget.solver.clip import clip_poses, measured_by, renewed_tracks, stresses
 from robot_retarget.solver.descent import FrameSolution
-from robot_retarget.solver.one_thread import OneThread
+from robot_retarget.solver.one_thread import ONE_THREAD
 from robot_retarget.solver.options import Search, Smoothing, SolveOptions
 from robot_retarget.solver.problem import Problem, build_problem
 from robot_retarget.solver.solution import Solution, unmet_edges
@@ -26,7 +26,7 @@ WORTH_COMPILING = 60
 clips: that of the G1 is 5 s of a core, and 66 frames of a dance are solved in 1.8 s."""
 
 
-@OneThread()
+@ONE_THREAD
 def solve_graph(
     graph: RobotGraph,
     *,
