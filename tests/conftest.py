@@ -1,7 +1,7 @@
 """Settings of all tests: properties are judged by their truth, not by how busy the machine is.
 
 The solver runs on the virtual machine: machine code gives the same bits and takes seconds to compile. A shipped robot is
-loaded once per process: nothing changes a robot.
+loaded once per process: nothing changes a robot. The processes that read untrusted files share one start.
 """
 
 import os
@@ -10,10 +10,12 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+import forked
 import pytest
 from hypothesis import settings
 
 from robot_retarget import robot as robots
+from robot_retarget.base.untrusted import child
 from robot_retarget.robot import Robot, catalog
 
 settings.register_profile("unhurried", deadline=None)
@@ -30,6 +32,7 @@ def load_robot(name: str | Path, limits: str | Path | None = None, servos: str |
 
 
 catalog.load_robot = robots.load_robot = load_robot
+child.run = forked.script
 
 
 @pytest.fixture(autouse=True)

@@ -4,6 +4,7 @@ import resource
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+import forked
 import mujoco
 import numpy as np
 import pytest
@@ -208,8 +209,9 @@ ASKING = {
 @pytest.mark.parametrize("what", ASKING)
 @pytest.mark.parametrize("included", [False, True])
 def test_a_model_that_asks_for_gigabytes_is_refused_and_takes_no_memory(
-    what: str, included: bool, tmp_path: Path
+    what: str, included: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(child, "run", forked.started)
     own = MJCF.replace("</mujoco>", f"{ASKING[what]}</mujoco>")
     path = tmp_path / "r.xml"
     path.write_text(MJCF.replace("</mujoco>", '<include file="part.xml"/></mujoco>') if included else own)
@@ -222,6 +224,7 @@ def test_a_model_that_asks_for_gigabytes_is_refused_and_takes_no_memory(
 
 def test_a_model_that_takes_hours_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Ten million replicas; the processor time that it may take is a fact of the process."""
+    monkeypatch.setattr(child, "run", forked.started)
     monkeypatch.setattr(models_child, "SECONDS", 1)
     path = tmp_path / "r.xml"
     many = '<worldbody><replicate count="10000000" offset="1 0 0"><geom size="1"/></replicate></worldbody>'
@@ -234,8 +237,7 @@ def test_a_model_is_compiled_apart_once_and_a_shipped_one_never(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     started: list[str] = []
-    own = child.run
-    monkeypatch.setattr(child, "run", lambda *a, **k: started.append(a[1]) or own(*a, **k))
+    monkeypatch.setattr(child, "run", lambda *a, **k: started.append(a[1]) or forked.started(*a, **k))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     path = tmp_path / "r.xml"
     path.write_text(MJCF)
