@@ -1,4 +1,7 @@
-"""However a robot is written down, the same robot is recognised: every law of `scripts/bench/robot_variants.py`."""
+"""However a robot is written down, the same robot is recognised: every law of `scripts/bench/robot_variants.py`.
+
+The shipped robot has every law, and every law three of the shared robots; `check_robots.py` takes all laws with all robots.
+"""
 
 import runpy
 from pathlib import Path
@@ -57,7 +60,11 @@ def test_the_shipped_robot_is_recognised_however_it_is_written(checks: Any, law:
 
 
 @needs_shared
-@pytest.mark.parametrize("path", SHARED_ROBOTS, ids=lambda path: path.stem)
-def test_shared_robots_are_recognised_however_they_are_written(checks: Any, path: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("number", "path"), [pytest.param(k, path, id=path.stem) for k, path in enumerate(SHARED_ROBOTS)]
+)
+def test_shared_robots_are_recognised_however_they_are_written(
+    checks: Any, number: int, path: Path, tmp_path: Path
+) -> None:
     assert list(checks["LAWS"]) == LAWS
-    assert [w for law in LAWS for w in violations(checks, path, law, tmp_path)[1]] == []
+    assert [w for law in LAWS[number % 3 :: 3] for w in violations(checks, path, law, tmp_path)[1]] == []
