@@ -17,7 +17,7 @@ from robot_retarget.base.choices import Preset, Terrain
 from robot_retarget.base.errors import UsageError
 from robot_retarget.graph.added import End, added_edge, with_added
 from robot_retarget.graph.graph import Graph
-from robot_retarget.graph.kind import GroundedPhase, Kind, RetargetContext, StreamFrame, UnbalancedPhase
+from robot_retarget.graph.kind import Grounding, Kind, RetargetContext, StreamFrame
 from robot_retarget.graph.kinds import clip_kinds
 from robot_retarget.graph.placed_scene import PlacedScene, captured_scene, pelvis_path
 from robot_retarget.graph.track import SIDES, STEP, Role, Track, columns_of, frame_costs, ordered
@@ -112,11 +112,11 @@ class RobotGraph(Graph):
         human = replace(self.human, falls=None)
         excess = pelvis_path(self.human, self.match)[:, 2] - pelvis_path(human, self.match)[:, 2]
         pelvis = self.pelvis - excess[:, None] * [0.0, 0.0, 1.0]
-        phase = GroundedPhase(pelvis[:, 2], excess, self.fps)
+        grounding = Grounding(pelvis[:, 2], excess, self.fps)
         tracks = (
             track.bounded(share * track.lower, share * track.upper)
             if (track.role, track.stencil) == (Role.BOUND, STEP)
-            else track.kind.renewed(track, None, phase)
+            else track.kind.grounded(track, grounding)
             if excess.any()
             else track
             for track in self.tracks
@@ -125,7 +125,7 @@ class RobotGraph(Graph):
 
     def unbalanced(self) -> "RobotGraph":
         """Return the graph of a motion that no balance follows."""
-        return replace(self, tracks=tuple(track.kind.renewed(track, None, UnbalancedPhase()) for track in self.tracks))
+        return replace(self, tracks=tuple(track.kind.unbalanced(track) for track in self.tracks))
 
     def frames(self, first: int, last: int) -> "RobotGraph":
         """Return the graph of frames `first` … `last` − 1.

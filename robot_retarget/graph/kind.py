@@ -4,7 +4,7 @@ A kind is one small class on `Kind`, and one line in `kinds/__init__.py` or an e
 `robot_retarget.kinds`. Solver, stream, balance and reports know kinds by this class only.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -72,24 +72,12 @@ class StreamFrame(RetargetContext):
         return None if known is None or around is None else known.moved(around.scene)
 
 
-# Phases of a solution that change targets
-
-
-class Phase:
-    """A phase; it leaves the targets of most kinds unchanged."""
-
-    def of(self, track: Track) -> Track:
-        """Return the targets of a kind that has none for this phase."""
-        return track
-
-
-class UnbalancedPhase(Phase):
-    """No balance follows: the motion is judged by its likeness alone."""
+# What balance changes in targets
 
 
 @dataclass(frozen=True, eq=False)
-class GroundedPhase(Phase):
-    """Balance follows: a playback keeps a foot on the ground, and flights have the human's height, scaled."""
+class Grounding:
+    """A motion without free fall: a playback keeps a foot on the ground, and flights have the human's height, scaled."""
 
     height: Floats
     """(T,) target height of the pelvis without free fall [m]."""
@@ -104,26 +92,9 @@ class GroundedPhase(Phase):
         return replace(track, lower=track.lower - down, upper=track.upper - down)
 
 
-class CoarsePhase(Phase):
-    """The coarse path is sought; no measures of the robot are known."""
-
-
 @dataclass(frozen=True, eq=False)
-class SolvedPhase(Phase):
-    """The coarse path is known; the kind receives its measures (T, E)."""
-
-    fixed: int = 0
-    """Number of frames at the start that keep their targets."""
-    unreached: Bools | None = None
-    """(T,) frames at which no pose meets the hard edges together, once that is known."""
-
-
-@dataclass(frozen=True, eq=False)
-class PlaybackPhase(Phase):
-    """K frames of a balanced playback, which starts and ends in a stand; the kind receives the measures (K, E) in them.
-
-    Symbolic costs fade out towards the stands.
-    """
+class PlaybackFrames:
+    """K frames of a balanced playback, which starts and ends in a stand."""
 
     share: Floats
     """(K, 1) share of the human's motion, 0 in the stands."""
@@ -140,21 +111,14 @@ class PlaybackPhase(Phase):
     trunk: float
     """Factor of π of the upward directions of pelvis and chest outside the stands."""
 
-    def of(self, track: Track) -> Track:
-        """Return the targets with the priorities multiplied by the share."""
-        fades = (track.role, track.kind.form) == (Role.COST, Form.SYMBOLIC)
-        return track.weighed(self.share) if fades else track
-
-
-class StandPhase(PlaybackPhase):
-    """One frame of a balanced stand; the kind receives the measures (1, E) in the standing pose."""
-
 
 # Kinds
 
 AXES = ("x", "y", "z")
 NO_LENGTH = 1e-6
 """A bone or path up to this length counts as none [m]: its ends coincide on the robot, but for rounding."""
+Measures = Mapping[str, Floats]
+"""(T, E) measured values of edges by the name of their kind, of the kinds that have a measure."""
 FrameTargets = tuple[Floats | float, ...]
 """Lower bounds, upper bounds and π of the edges at one frame, each (E,) or broadcast to it, and the data (D,) of the kind if any."""
 
@@ -264,15 +228,42 @@ class Kind:
         """Return how deep surfaces are under the floor (N,) [m], which raising the root undoes; of a numeric inequality."""
         return np.zeros(len(states.qpos))
 
-    def renewed(self, track: Track, measured: Floats | None, phase: Phase) -> Track:
-        """Return the targets in a phase of the solution.
+    def unbalanced(self, track: Track) -> Track:
+        """Return the targets of a motion that no balance follows; the same by default, as in `grounded`, `coarse` and `solved`."""
+        return track
+
+    def grounded(self, track: Track, grounding: Grounding) -> Track:
+        """Return the targets of a motion that balance follows, without free fall."""
+        return track
+
+    def coarse(self, track: Track) -> Track:
+        """Return the targets while the coarse path is sought."""
+        return track
+
+    def solved(self, track: Track, measured: Measures, fixed: int = 0, unreached: Bools | None = None) -> Track:
+        """Return the targets once a path is known.
 
         Args:
             track: E edges of the kind over T frames.
-            measured: (T, E) values of the edges on the robot, as `phase` states; None without a measure.
-            phase: the coarse path, a playback or a stand.
+            measured: name → (T, E) values of the edges on the path, of kinds with a measure.
+            fixed: number of frames at the start that keep their targets.
+            unreached: (T,) frames at which no pose meets the hard edges together, once that is known.
         """
-        return phase.of(track)
+        return track
+
+    def played(self, track: Track, measured: Measures, frames: PlaybackFrames) -> Track:
+        """Return the targets in a balanced playback; by default, symbolic costs fade out towards the stands.
+
+        Args:
+            track: E edges of the kind over K frames.
+            measured: name → (K, E) values of the edges in the stands, of kinds with a measure.
+            frames: of the playback.
+        """
+        return track.weighed(frames.share) if (track.role, self.form) == (Role.COST, Form.SYMBOLIC) else track
+
+    def stood(self, track: Track, measured: Measures, frames: PlaybackFrames) -> Track:
+        """Return the targets in one frame of a balanced stand, as `played` by default; measured: in the standing pose."""
+        return self.played(track, measured, frames)
 
     def for_robot(self) -> "Kind":
         """Return the kind for a performer that is a robot; the same by default."""

@@ -1,6 +1,5 @@
 """The whole clip at once: a coarse path through the candidates, then rounds of steps over windows; targets follow the path."""
 
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +7,6 @@ import numpy as np
 from robot_retarget.base.arrays import Bools, Floats
 from robot_retarget.base.progress import Count
 from robot_retarget.graph.describe import RobotGraph
-from robot_retarget.graph.kind import CoarsePhase, Phase, SolvedPhase
 from robot_retarget.graph.track import SECOND_DIFFERENCE, THIRD_DIFFERENCE, Form, Role, Track, concatenated
 from robot_retarget.robot.kinematics import difference, tangent_names
 from robot_retarget.solver.candidates import coarse_path
@@ -34,7 +32,7 @@ def clip_poses(
     count: Count,
     start: Floats | None = None,
 ) -> tuple[list[FrameSolution], RobotGraph]:
-    """Solve the windows in order. Returns poses and the graph with renewed tracks (`Kind.renewed`).
+    """Solve the windows in order. Returns poses and the graph with the tracks (`Kind.solved`).
 
     Args:
         start: (T, nq) a path in place of the coarse one.
@@ -65,12 +63,12 @@ def _window_poses(
     Targets that depend on the poses, such as footholds, follow the poses after each round. After the last one, a foot is free where
     the path misses its foothold. Hard edges of a user count as soft ones until then.
     """
-    problem, tracks = solver.problem, renewed_tracks(solver, graph, coarse, fixed)
+    problem, tracks = solver.problem, solved_tracks(solver, graph, coarse, fixed)
     clip = clip_of(solver, tracks, smoothing, graph.fps, fixed)
     minimum = ClipMinimum(replace(clip, all_targets=problem.eased(clip.all_targets)), coarse)
     for number, steps in enumerate(smoothing.rounds, 1):
         minimum.take(steps, count)
-        placed_tracks = _reachable_tracks if number == len(smoothing.rounds) else renewed_tracks
+        placed_tracks = _reachable_tracks if number == len(smoothing.rounds) else solved_tracks
         tracks = placed_tracks(solver, graph, minimum.qpos, fixed)
         clip = clip_of(solver, tracks, smoothing, graph.fps, fixed)
         minimum.renew(replace(clip, all_targets=problem.eased(clip.all_targets)))
@@ -89,17 +87,17 @@ def _window_poses(
 
 def _reachable_tracks(solver: FrameSolver, graph: RobotGraph, path: Floats, fixed: int) -> list[Track]:
     """Return the tracks with targets that depend on a path, and feet free where it misses their footholds."""
-    tracks = renewed_tracks(solver, graph, path, fixed)
+    tracks = solved_tracks(solver, graph, path, fixed)
     unreached = solver.problem.missed(path, solver.problem.eased(targets_of(tracks))) > UNREACHED * solver.leg
-    return renewed_tracks(solver, graph, path, fixed, unreached) if unreached.any() else tracks
+    return solved_tracks(solver, graph, path, fixed, unreached) if unreached.any() else tracks
 
 
 def coarse_tracks(graph: RobotGraph) -> list[Track]:
     """Return the tracks of the coarse path."""
-    return renewed(graph.tracks, {}, CoarsePhase())
+    return [track.kind.coarse(track) for track in graph.tracks]
 
 
-def renewed_tracks(
+def solved_tracks(
     solver: FrameSolver, graph: RobotGraph, coarse: Floats, fixed: int = 0, unreached: Bools | None = None
 ) -> list[Track]:
     """Return the tracks of a graph with targets that depend on the coarse path.
@@ -111,18 +109,8 @@ def renewed_tracks(
         fixed: number of first frames that stay unchanged.
         unreached: (T,) frames at which hard edges are out of reach.
     """
-    return renewed(graph.tracks, measured_by(solver.problem, graph, coarse), SolvedPhase(fixed, unreached))
-
-
-def renewed(tracks: Sequence[Track], measured: Mapping[str, Floats], phase: Phase) -> list[Track]:
-    """Return tracks with their targets in a phase of the solution.
-
-    Args:
-        tracks: of T frames.
-        measured: name of the kind → (T, E) measured values, of the kinds that have them.
-        phase: the coarse path, a playback or a stand.
-    """
-    return [track.kind.renewed(track, measured.get(track.name), phase) for track in tracks]
+    measured = measured_by(solver.problem, graph, coarse)
+    return [track.kind.solved(track, measured, fixed, unreached) for track in graph.tracks]
 
 
 def measured_by(problem: Problem, graph: RobotGraph, qpos: Floats) -> dict[str, Floats]:

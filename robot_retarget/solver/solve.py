@@ -12,7 +12,7 @@ from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.track import Status
 from robot_retarget.human.motion import Motion
 from robot_retarget.robot import Robot
-from robot_retarget.solver.clip import clip_poses, measured_by, renewed_tracks, stresses
+from robot_retarget.solver.clip import clip_poses, measured_by, solved_tracks, stresses
 from robot_retarget.solver.descent import FrameSolution
 from robot_retarget.solver.one_thread import ONE_THREAD
 from robot_retarget.solver.options import Search, Smoothing, SolveOptions
@@ -97,7 +97,7 @@ def solution_of(
     work = {name: count / len(poses) for name, count in solver.costs.work.items()}
     trajectory = replace(trajectory_of(graph.motion, graph.robot, qpos), scene=graph.bodies)
     measured, stress = measured_by(problem, graph, qpos), stresses(solver, graph, qpos)
-    unmet = unmet_edges(solver, graph, measured, qpos, renewed_tracks(solver, planned, qpos) if planned else ())
+    unmet = unmet_edges(solver, graph, measured, qpos, solved_tracks(solver, planned, qpos) if planned else ())
     missed = {t for edge in unmet for t in edge.frames}
     status = tuple(Status.UNREACHED if t in missed else pose.status for t, pose in enumerate(poses))
     cost = np.sum(list(stress.values()), axis=0)

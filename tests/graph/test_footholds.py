@@ -27,7 +27,6 @@ from robot_retarget.graph.footholds import (
     settled_heading,
     without_unreachable,
 )
-from robot_retarget.graph.kind import SolvedPhase
 from robot_retarget.graph.soles import HEEL, TOE, flattened, lengths, soles_of
 from robot_retarget.graph.track import HARD
 from robot_retarget.human.features import features_of, floor_under
@@ -357,11 +356,11 @@ def test_without_balance_feet_in_swing_stay_as_high_as_the_plan_wherever_the_coa
     graph = walk().unbalanced()
     track, shape, up = graph.kinds["foothold"], (len(graph), 2, 4, 3), np.array([0.0, 0.0, 0.02])
     plan, swings = track.lower.reshape(shape), ~(track.priority.reshape(shape)[..., 2] >= HARD).any(axis=2)
-    low = track.kind.renewed(track, (plan - up).reshape(track.lower.shape), SolvedPhase())
+    low = track.kind.solved(track, {track.name: (plan - up).reshape(track.lower.shape)})
     places = low.lower.reshape(shape)[..., 2].min(axis=2)
     assert np.allclose(places[swings], plan[..., 2].min(axis=2)[swings], atol=1e-9) and swings.any()
     assert (places[~swings] == 0).all()
-    high = track.kind.renewed(track, (plan + up).reshape(track.lower.shape), SolvedPhase())
+    high = track.kind.solved(track, {track.name: (plan + up).reshape(track.lower.shape)})
     assert (high.lower.reshape(shape)[..., 2].min(axis=2)[swings] >= plan[..., 2].min(axis=2)[swings] - 1e-9).all()
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from robot_retarget.base.arrays import Floats, intervals, smoothstep, unit
+from robot_retarget.base.arrays import Bools, Floats, intervals, smoothstep, unit
 from robot_retarget.graph.footholds import (
     CausalFootholds,
     Footholds,
@@ -24,17 +24,14 @@ from robot_retarget.graph.footholds import (
 )
 from robot_retarget.graph.kind import (
     AXES,
-    CoarsePhase,
     FrameTargets,
-    GroundedPhase,
+    Grounding,
     Kind,
-    Phase,
-    PlaybackPhase,
+    Measures,
+    PlaybackFrames,
     RetargetContext,
-    SolvedPhase,
     StreamFrame,
     Track,
-    UnbalancedPhase,
     exact,
 )
 from robot_retarget.graph.soles import lengths
@@ -118,26 +115,21 @@ class FootholdKind(Kind):
             memory["footholds"] = CausalFootholds(context.calibration, self.across(context), self.backlash)
         return memory["footholds"].at(context)
 
-    def renewed(self, track: Track, measured: Floats | None, phase: Phase) -> Track:
-        """Return earlier landings, the places and the grip of a playback's plan, or footholds where the coarse path has the feet."""
-        match phase:
-            case PlaybackPhase():
-                return replace(track, lower=phase.soles, upper=phase.soles, priority=phase.grip)
-            case GroundedPhase():
-                return phase.lowered(track)
-            case UnbalancedPhase():
-                pivots = replace(self, pivots=True)
-                return replace(track if self.known else self._landed(track), kind=pivots)
-            case CoarsePhase():
-                return self._flat(track)
-            case SolvedPhase() if measured is not None:
-                return self._placed(track, measured, phase)
-            case _:
-                return track
-
     def for_robot(self) -> "FootholdKind":
         """Return the kind for stances that are known exactly."""
         return replace(self, known=True)
+
+    def grounded(self, track: Track, grounding: Grounding) -> Track:
+        """Return the footholds without free fall."""
+        return grounding.lowered(track)
+
+    def played(self, track: Track, measured: Measures, frames: PlaybackFrames) -> Track:
+        """Return the places and the grip of a playback's plan."""
+        return replace(track, lower=frames.soles, upper=frames.soles, priority=frames.grip)
+
+    def unbalanced(self, track: Track) -> Track:
+        """Return targets of feet that swing with the human's shape, and that land a frame earlier where stances are not known exactly."""
+        return replace(track if self.known else self._landed(track), kind=replace(self, pivots=True))
 
     def _landed(self, track: Track) -> Track:
         """Return targets of feet that land a frame earlier, so that they do not slide into place as they begin to stand."""
@@ -149,7 +141,7 @@ class FootholdKind(Kind):
             side[:-1][lands] = side[1:][lands]
         return replace(track, lower=lower, upper=upper, priority=priority)
 
-    def _flat(self, track: Track) -> Track:
+    def coarse(self, track: Track) -> Track:
         """Return targets that lay standing soles on the floor, at any place."""
         priority = track.priority.reshape(len(track.priority), -1, len(AXES)).copy()
         priority[~self._held(track).reshape(len(priority), -1)] = 0.0
@@ -157,28 +149,28 @@ class FootholdKind(Kind):
         priority[..., 2] = np.minimum(priority[..., 2], self.laid)
         return replace(track, priority=priority.reshape(track.priority.shape))
 
-    def _placed(self, track: Track, measured: Floats, phase: SolvedPhase) -> Track:
-        """Return footholds where the legs put the feet, `measured` (T, E) [m]; fixed frames stay."""
-        planned, fixed = self._held(track), phase.fixed
-        corners = measured.reshape(*planned.shape, len(AXES))
+    def solved(self, track: Track, measured: Measures, fixed: int = 0, unreached: Bools | None = None) -> Track:
+        """Return footholds where the legs put the feet; fixed frames stay."""
+        planned = self._held(track)
+        corners = measured[self.name].reshape(*planned.shape, len(AXES))
         plan = track.lower.reshape(corners.shape)
         planes = [_plane(before) for before in plan.swapaxes(0, 1)]
         headings = self._headings(planned, plan, corners) if self.pivots else [None] * len(planes)
         held, places = planned, _places(planned, corners, fixed, planes, headings)
-        if self.frees and phase.unreached is not None:
+        if self.frees and unreached is not None:
             away = np.linalg.norm((corners - places)[..., :2], axis=-1).mean(axis=2)
-            held = without_unreachable(planned, away, phase.unreached, fixed)
+            held = without_unreachable(planned, away, unreached, fixed)
             places = _standing(planned & ~held, held, places, _places(held, corners, fixed, planes, headings))
         if self.pivots:
             places[fixed:] = _lifted(places, plan, planned)[fixed:]
         if self.known and np.median(np.abs(corners - plan).max(axis=3)[planned]) < self.met:
             places = plan
-        places = places.reshape(measured.shape)
+        places = places.reshape(track.lower.shape)
         priority = np.where((planned & ~held)[..., None], self.freed, track.priority.reshape(*held.shape, len(AXES)))
         upper = places + np.where(
-            np.repeat(held, len(AXES), axis=-1).reshape(measured.shape), track.upper - track.lower, 0.0
+            np.repeat(held, len(AXES), axis=-1).reshape(track.lower.shape), track.upper - track.lower, 0.0
         )
-        return replace(track, lower=places, upper=upper, priority=priority.reshape(measured.shape))
+        return replace(track, lower=places, upper=upper, priority=priority.reshape(track.lower.shape))
 
     def _headings(self, held: np.ndarray, plan: Floats, corners: Floats) -> list[Floats]:
         """Return the heading (T,) of each foot with which its stances turn [rad].

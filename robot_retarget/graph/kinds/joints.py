@@ -12,15 +12,14 @@ from robot_retarget.base.arrays import Bools, Floats
 from robot_retarget.graph.kind import (
     Form,
     FrameTargets,
-    GroundedPhase,
+    Grounding,
     Kind,
     MeasureRows,
-    Phase,
-    PlaybackPhase,
+    Measures,
+    PlaybackFrames,
     RetargetContext,
     Role,
     RowState,
-    StandPhase,
     StreamFrame,
     Track,
     exact,
@@ -97,15 +96,15 @@ class RestKind(Kind):
         target = np.broadcast_to(standing, (len(context.human), len(standing)))
         return exact(self, [(name, "standing pose") for name in robot.joint_names], target, weight)
 
-    def renewed(self, track: Track, measured: Floats | None, phase: Phase) -> Track:
-        """Return the priority of a stand there, and in a playback the stand's angles outside the human's motion."""
-        if measured is None or not isinstance(phase, PlaybackPhase):
-            return phase.of(track)
-        if isinstance(phase, StandPhase):
-            return replace(track, priority=np.full((1, len(track)), phase.standing))
-        inside = phase.share >= 1
-        lower, upper = (np.where(inside, bound, measured) for bound in (track.lower, track.upper))
-        return replace(track, lower=lower, upper=upper, priority=track.priority + (1 - phase.share) * phase.standing)
+    def played(self, track: Track, measured: Measures, frames: PlaybackFrames) -> Track:
+        """Return the stand's angles outside the human's motion."""
+        inside = frames.share >= 1
+        lower, upper = (np.where(inside, bound, measured[self.name]) for bound in (track.lower, track.upper))
+        return replace(track, lower=lower, upper=upper, priority=track.priority + (1 - frames.share) * frames.standing)
+
+    def stood(self, track: Track, measured: Measures, frames: PlaybackFrames) -> Track:
+        """Return the priority of a stand."""
+        return replace(track, priority=np.full((1, len(track)), frames.standing))
 
     def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
         """Angles [rad]."""
@@ -192,14 +191,16 @@ class SmoothnessKind(Kind):
         ends = [(name, "second difference") for name in names]
         return exact(self, ends, bend, kappa, _scales(context, weights.smooth_root, weights.smooth_turn))
 
-    def renewed(self, track: Track, measured: Floats | None, phase: Phase) -> Track:
-        """Return the target 0 in a balanced playback, whose pace differs from the human's, and that of its draft without free fall."""
-        if isinstance(phase, GroundedPhase) and (UP, "second difference") in track.ends:
-            bend = track.lower.copy()
-            bend[1:-1, track.ends.index((UP, "second difference"))] = _bounce(phase.height, phase.fps)
-            return replace(track, lower=bend, upper=bend)
-        if not isinstance(phase, PlaybackPhase):
+    def grounded(self, track: Track, grounding: Grounding) -> Track:
+        """Return the root's target without free fall."""
+        if (UP, "second difference") not in track.ends:
             return track
+        bend = track.lower.copy()
+        bend[1:-1, track.ends.index((UP, "second difference"))] = _bounce(grounding.height, grounding.fps)
+        return replace(track, lower=bend, upper=bend)
+
+    def played(self, track: Track, measured: Measures, frames: PlaybackFrames) -> Track:
+        """Return the target 0: the pace differs from the human's."""
         return replace(track, lower=np.zeros_like(track.lower), upper=np.zeros_like(track.upper))
 
 

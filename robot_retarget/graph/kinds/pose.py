@@ -11,12 +11,11 @@ from robot_retarget.graph.kind import (
     AXES,
     NO_LENGTH,
     FrameEdges,
-    GroundedPhase,
+    Grounding,
     Kind,
-    Phase,
-    PlaybackPhase,
+    Measures,
+    PlaybackFrames,
     RetargetContext,
-    StandPhase,
     Track,
     exact,
 )
@@ -61,29 +60,33 @@ class PathKind(Kind):
             fall=context.weights.touch,
         )
 
-    def renewed(self, track: Track, measured: Floats | None, phase: Phase) -> Track:
-        """Return the height alone: balance moves the pelvis over the floor.
+    def grounded(self, track: Track, grounding: Grounding) -> Track:
+        """Return the path without free fall, with the priority of the ground."""
+        falls = grounding.excess[:, None] != 0.0
+        return replace(grounding.lowered(track), priority=np.where(falls, track.priority[:, :1], track.priority))
 
-        In a stand it is that of the standing pose, in a playback the human's, scaled: knees bend as the human's do. It is no
-        higher than its median over the clip: where the human jumps, a foot of the robot stays on the floor.
+    def played(self, track: Track, measured: Measures, frames: PlaybackFrames) -> Track:
+        """Return the human's height alone, scaled: knees bend as the human's do, and balance moves the pelvis over the floor.
+
+        It is no higher than its median over the clip: where the human jumps, a foot of the robot stays on the floor.
         """
-        if isinstance(phase, GroundedPhase):
-            falls = phase.excess[:, None] != 0.0
-            return replace(phase.lowered(track), priority=np.where(falls, track.priority[:, :1], track.priority))
-        if measured is None or not isinstance(phase, PlaybackPhase):
-            return phase.of(track)
-        if isinstance(phase, StandPhase):
-            height, weight = measured, phase.upright if track.ends[0][0] == "pelvis" else 0.0
-        else:
-            highest = np.maximum(measured, np.median(track.lower, axis=0))
-            height = phase.share * np.minimum(track.lower, highest) + (1 - phase.share) * measured
-            weight = phase.height
-        priority = np.where([axis == "z" for axis in track.axes], weight, 0.0)
-        return replace(track, lower=height, upper=height, priority=np.broadcast_to(priority, height.shape))
+        stands = measured[self.name]
+        highest = np.maximum(stands, np.median(track.lower, axis=0))
+        height = frames.share * np.minimum(track.lower, highest) + (1 - frames.share) * stands
+        return _at_height(track, height, frames.height)
+
+    def stood(self, track: Track, measured: Measures, frames: PlaybackFrames) -> Track:
+        """Return the height of the standing pose alone."""
+        return _at_height(track, measured[self.name], frames.upright if track.ends[0][0] == "pelvis" else 0.0)
 
     def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
         """Where the pelvis is [m]."""
         return body.keypoint(track.ends[0][0])
+
+
+def _at_height(track: Track, height: Floats, weight: float) -> Track:
+    priority = np.where([axis == "z" for axis in track.axes], weight, 0.0)
+    return replace(track, lower=height, upper=height, priority=np.broadcast_to(priority, height.shape))
 
 
 # Compass: directions of bones and of the hip and shoulder lines.
@@ -171,15 +174,15 @@ class OrientationKind(Kind):
         axes, priority = AXES * (len(MARKERS) * len(segments)), np.repeat(weight, len(MARKERS) * len(AXES))
         return _Markers(ends=ends, axes=axes, priority=priority)
 
-    def renewed(self, track: Track, measured: Floats | None, phase: Phase) -> Track:
-        """Return in a stand the rotation of the pelvis in the standing pose, in a playback a trunk that leans as the human's."""
-        if measured is None or not isinstance(phase, PlaybackPhase):
-            return phase.of(track)
-        if not isinstance(phase, StandPhase):
-            trunk = np.array([segment in ("pelvis", "chest") and marker == "up" for segment, marker in track.ends])
-            return phase.of(track).weighed(np.where(trunk, phase.trunk, 1.0))
-        weight = np.where([a == "pelvis" for a, _ in track.ends], phase.upright, 0.0)
-        return replace(track, lower=measured, upper=measured, priority=weight[None])
+    def played(self, track: Track, measured: Measures, frames: PlaybackFrames) -> Track:
+        """Return a trunk that leans as the human's."""
+        trunk = np.array([segment in ("pelvis", "chest") and marker == "up" for segment, marker in track.ends])
+        return super().played(track, measured, frames).weighed(np.where(trunk, frames.trunk, 1.0))
+
+    def stood(self, track: Track, measured: Measures, frames: PlaybackFrames) -> Track:
+        """Return the rotation of the pelvis in the standing pose."""
+        weight = np.where([a == "pelvis" for a, _ in track.ends], frames.upright, 0.0)
+        return replace(track, lower=measured[self.name], upper=measured[self.name], priority=weight[None])
 
     def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
         """R e, x y z of one marker after the other."""

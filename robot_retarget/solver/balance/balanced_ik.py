@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.arrays import Floats, bearing
 from robot_retarget.graph.describe import RobotGraph
-from robot_retarget.graph.kind import PlaybackPhase, StandPhase
+from robot_retarget.graph.kind import PlaybackFrames
 from robot_retarget.graph.kinds.pose import MassKind
 from robot_retarget.graph.soles import flattened, heading, lengths
 from robot_retarget.graph.track import HARD, Form, Role, Track
@@ -25,7 +25,7 @@ from robot_retarget.robot import Points, Robot, world_points
 from robot_retarget.robot.kinematics import carrying, mass_function
 from robot_retarget.robot.support import CORNERS, sole_corners, support
 from robot_retarget.solver.balance.turns import TURN
-from robot_retarget.solver.clip import measured_by, renewed
+from robot_retarget.solver.clip import measured_by
 from robot_retarget.solver.compiled import Mapped
 from robot_retarget.solver.limits import targets_of
 from robot_retarget.solver.problem import build_problem
@@ -138,22 +138,22 @@ class BalancedIk:
         """Indices in qpos of the hinges between pelvis and soles."""
         return self.robot.qpos_index[self.leg_dofs[self.robot.dof_index]]
 
-    def playback(self, share: Floats, places: Floats, planted: np.ndarray) -> PlaybackPhase:
+    def playback(self, share: Floats, places: Floats, planted: np.ndarray) -> PlaybackFrames:
         """Return K frames with a share (K, 1) of the human's motion, soles at (K, F, 4, 3) [m], feet (K, F) planted."""
-        return PlaybackPhase(share, *self._soles(places, planted), *self._pulls)
+        return PlaybackFrames(share, *self._soles(places, planted), *self._pulls)
 
     def stand(self, start: Floats, places: Floats, centre: Floats, frame: int = 0) -> Floats:
         """Return (nq,) the standing pose in balance among the bodies of a frame: soles at places (F, 4, 3), mass over a point (2,)."""
         both = np.ones((1, len(self.feet)), bool)
-        stand = StandPhase(np.zeros((1, 1)), *self._soles(places[None], both), *self._pulls)
+        stand = PlaybackFrames(np.zeros((1, 1)), *self._soles(places[None], both), *self._pulls)
         measured = measured_by(self.solver.problem, self.graph, start[None])
-        tracks = renewed([track.at([frame]) for track in self.graph.tracks], measured, stand)
+        tracks = [track.kind.stood(track.at([frame]), measured, stand) for track in self.graph.tracks]
         targets = targets_of([*tracks, MassKind().track(centre[None], self.leg)]).at(0)
         pose = self.solver.solve_frame(start, targets, iterations=60, tolerance=1e-7)
         return self.solver.raise_above_floor(pose, targets).qpos
 
     def targets(
-        self, graph: RobotGraph, at: Floats, stands: Sequence[Floats], playback: PlaybackPhase, centre: Floats
+        self, graph: RobotGraph, at: Floats, stands: Sequence[Floats], playback: PlaybackFrames, centre: Floats
     ) -> list[Track]:
         """Return the tracks of a playback.
 
@@ -166,7 +166,7 @@ class BalancedIk:
         first = np.arange(len(at))[:, None] < len(at) // 2
         before, after = (measured_by(self.solver.problem, self.graph, stand[None]) for stand in stands)
         measured = {name: np.where(first, values, after[name]) for name, values in before.items()}
-        tracks = renewed([track.resampled(at) for track in graph.tracks], measured, playback)
+        tracks = [track.kind.played(track.resampled(at), measured, playback) for track in graph.tracks]
         return [*tracks, MassKind().track(centre, self.leg)]
 
     def _soles(self, places: Floats, planted: np.ndarray) -> tuple[Floats, Floats]:
