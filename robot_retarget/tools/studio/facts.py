@@ -1,6 +1,6 @@
 """The facts of a project on the page: keypoints, choices, marks, verdict, formats and commands."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -10,11 +10,10 @@ from robot_retarget.formats import FORMATS
 from robot_retarget.human.match import match
 from robot_retarget.judge.report import Report
 from robot_retarget.judge.report_text import cured, headline
+from robot_retarget.tools.studio.project import ALLOWED, Project, choices_in
 from robot_retarget.tools.summary import sureness
 from robot_retarget.tools.view.web.take import Take
-
-if TYPE_CHECKING:
-    from robot_retarget.tools.studio.project import Project
+from robot_retarget.tools.view.web.viewer import Viewer
 
 AT_END = 0.99
 """A joint beyond this share of the way from the middle of its range to an end is at its limit [-]: by definition a hundredth is left."""
@@ -22,10 +21,15 @@ MOST_MARKS = 40
 """Most marks each of missed edges, jumps and joint limits on the timeline [-]: more cannot be visited one by one."""
 
 
-def facts_of(project: "Project", take: Take) -> dict[str, Any]:
-    """Return the facts of a project and its take, as a table that JSON can hold."""
-    from robot_retarget.tools.studio.project import ALLOWED
+def packed(project: Project) -> bytes:
+    """Return the packed take of a project with its facts."""
+    with project.lock:
+        version, take = project.version, project.take
+        return Viewer((take,)).packed({"studio": {"version": version, **facts_of(project, take)}})
 
+
+def facts_of(project: Project, take: Take) -> dict[str, Any]:
+    """Return the facts of a project and its take, as a table that JSON can hold."""
     report = None if take.stale else take.report
     return {
         "solved": project.editor is not None,
@@ -43,7 +47,7 @@ def facts_of(project: "Project", take: Take) -> dict[str, Any]:
     }
 
 
-def _keypoints(project: "Project") -> list[dict[str, str]]:
+def _keypoints(project: Project) -> list[dict[str, str]]:
     """Return each keypoint with its joints of the human, its body of the robot, and the confidence of both."""
     motion, robot = project.motion, project.robot
     found, names = match(motion, robot, project.map_file), motion.skeleton.names
@@ -59,12 +63,12 @@ def _keypoints(project: "Project") -> list[dict[str, str]]:
     return rows
 
 
-def _kinds(project: "Project") -> list[dict[str, Any]]:
+def _kinds(project: Project) -> list[dict[str, Any]]:
     """Return the kinds of edges and whether each is on."""
     return [{"name": kind, "on": kind not in project.dropped} for kind in sorted({*project.kinds, *project.dropped})]
 
 
-def marks_of(project: "Project", take: Take) -> list[dict[str, Any]]:
+def marks_of(project: Project, take: Take) -> list[dict[str, Any]]:
     """Return the moments to look at: kind, first and last time [s], and a sentence.
 
     The order is: missed edges, jumps, costly edges, joint limits, contacts of links.
@@ -91,8 +95,6 @@ def marks_of(project: "Project", take: Take) -> list[dict[str, Any]]:
 
 
 def _verdict(report: Report) -> dict[str, Any]:
-    from robot_retarget.tools.studio.project import choices_in
-
     cures = [
         {"reasons": reasons, "what": what, "command": command, "sets": choices_in(command) if command else {}}
         for reasons, what, command in cured(report)

@@ -27,7 +27,6 @@ from robot_retarget.human.match import read_map
 from robot_retarget.judge.cures import PROGRAM, Origin
 from robot_retarget.judge.rollout import mode_of, report_beside
 from robot_retarget.tools.cli.run import save_judged
-from robot_retarget.tools.studio.facts import facts_of
 from robot_retarget.tools.view.web.editor import TakeEditor
 from robot_retarget.tools.view.web.take import Take, human_of, take_of
 from robot_retarget.tools.view.web.viewer import Viewer
@@ -366,12 +365,6 @@ class Project:
             "version": self.version, "badge": report.badge.contract() if report and not stale else None,
             "reasons": [*report.reasons, *report.unlike][:1] if report and not stale else [],
         }  # fmt: skip
-
-    def packed(self) -> bytes:
-        """Return the packed take with the facts of the project."""
-        with self.lock:
-            version, take = self.version, self.take
-            return Viewer((take,)).packed({"studio": {"version": version, **facts_of(self, take)}})
 
     def export(self, format: str) -> tuple[Path, str]:
         """Write the shown trajectory, with its judged goals, in a format; `viewer` writes its page.

@@ -27,6 +27,7 @@ from robot_retarget.base.untrusted.limits import is_zip
 from robot_retarget.robot import recognise, shipped_robots
 from robot_retarget.tools.cli.console import note
 from robot_retarget.tools.cli.options import DEFAULT_ROBOT, MODELS
+from robot_retarget.tools.studio.facts import packed
 from robot_retarget.tools.studio.project import STORED, Project, Work
 from robot_retarget.tools.studio.uploads import motions_within, place_for, plain_name, robot_model, unpacked_zip
 from robot_retarget.tools.view.web import serve as web
@@ -275,10 +276,10 @@ class Studio:
 
     def _show_take(self, request: Request) -> Response:
         if self.following is not None and request.query_params.get("project") == LIVE:
-            packed = self.following.viewer.packed({"studio": {"version": 1}})
+            content = self.following.viewer.packed({"studio": {"version": 1}})
         else:
-            packed = self._asked(request).packed()
-        return Response(packed, media_type="application/octet-stream")
+            content = packed(self._asked(request))
+        return Response(content, media_type="application/octet-stream")
 
     def _recorded(self, take: dict[str, Any]) -> dict[str, Any]:
         """Add the performer's motion of a recorded take as a clip; return the take with its project."""
