@@ -7,11 +7,13 @@ from typing import Any, get_args, get_type_hints
 import numpy as np
 import pytest
 from made_trajectories import wander
+from typer.main import get_command
 
 import robot_retarget as rr
 from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.graph import EdgeError
 from robot_retarget.tools.cli import options
+from robot_retarget.tools.cli.command import app
 
 OP3 = rr.load_robot("op3")
 
@@ -68,6 +70,34 @@ def test_retarget_has_the_defaults_of_the_functions_that_it_calls() -> None:
     for part in (rr.describe, rr.solve):
         for name, one in signature(part).parameters.items():
             assert name in ("kinds", "graph") or whole[name] == one
+
+
+SHELL = {
+    "batch": rr.retarget,
+    "graph": rr.describe,
+    "simulate": rr.simulate,
+    "solve": rr.retarget,
+    "stream": rr.Stream,
+    "transfer": rr.transfer,
+    "edit join": rr.sequence,
+    "edit splice": rr.splice,
+}
+"""The function of a command."""
+APART = {("batch", "balance")}
+"""Data sets follow the human frame by frame (docs/balance.md)."""
+
+
+@pytest.mark.parametrize("command", SHELL)
+def test_an_option_has_the_default_of_the_keyword(command: str) -> None:
+    found: Any = get_command(app)
+    for word in command.split():
+        found = found.commands[word]
+    shell, python = {each.name: each.default for each in found.params}, signature(SHELL[command]).parameters
+    both = {n: one.default for n, one in python.items() if n in shell and one.kind is one.KEYWORD_ONLY}
+    assert both
+    for name in both.keys() - {"robot"}:
+        agree = (shell[name] or None) == (both[name] or None) or (shell[name], both[name]) == ("human", None)
+        assert agree is ((command, name) not in APART), name
 
 
 @pytest.mark.parametrize("frames", [(30, 40), (1.0, 1.0 + 1 / 3), "30:40", "1s:1.34s"])

@@ -7,7 +7,7 @@ Legs = Literal["auto", "follow", "stand"]
 Balance = Literal["auto", "static", "dynamic", "off"]
 """What holds the robot upright."""
 Preset = Literal["directions", "balanced", "distances"]
-"""Preference of the weights: directions of limbs, distances between parts, a smooth reference for a policy, or a blend."""
+"""Preference of the weights: directions of limbs, distances between parts, or a blend."""
 Terrain = Literal["flat", "auto"]
 """The ground: level, or boxes where the human stands and sits."""
 Stand = Literal["auto", "pinned", "free"]

@@ -240,10 +240,10 @@ def transfer(
     weights: Weights | None = None,
     preset: Preset = "balanced",
     legs: Legs = "auto",
-    balance: Balance = "off",
+    balance: Balance = "auto",
     progress: Progress | None = None,
 ) -> Result:
-    """Carry the motion of one robot over to another; to itself, it is the identity within the solver's tolerance.
+    """Carry the motion of one robot over to another; to itself, without balance, it is the identity within the solver's tolerance.
 
     The source's forward kinematics is the performer (`human.robot_performer.performed`). Smoothness and the pull to the
     standing pose have `EXACT` of their weights, and a swing foot follows its leg without a reference. A hand
