@@ -6,6 +6,7 @@ import inspect
 import re
 from collections.abc import Iterator
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -33,16 +34,27 @@ def docstrings_of(text: str) -> Iterator[tuple[int, str]]:
             yield node.lineno, node.value.value
 
 
-TEXTS = {path: path.read_text("utf-8") for path in sorted(PACKAGE.rglob("*.py"))}
-DOCSTRINGS = {path: list(docstrings_of(text)) for path, text in TEXTS.items()}
-NAMED = {
-    (word, f"{path.relative_to(ROOT)}:{line}")
-    for path, found in DOCSTRINGS.items()
-    for line, text in found
-    for word in re.findall(r"`([^`\s]+)`", text)
-}
-DOTTED = sorted(one for one in NAMED if re.fullmatch(r"[A-Za-z_]\w*(\.\w+)+", one[0]) and not FILES.search(one[0]))
-PLAIN = sorted(one for one in NAMED if re.fullmatch(r"[A-Za-z_]\w*", one[0]))
+@cache
+def texts() -> dict[Path, str]:
+    """The modules of the package with their texts."""
+    return {path: path.read_text("utf-8") for path in sorted(PACKAGE.rglob("*.py"))}
+
+
+@cache
+def docstrings() -> dict[Path, list[tuple[int, str]]]:
+    """The docstrings of each module."""
+    return {path: list(docstrings_of(text)) for path, text in texts().items()}
+
+
+def named(form: str) -> list[tuple[str, str]]:
+    """The words of a form in backticks, and where they stand."""
+    found = {
+        (word, f"{path.relative_to(ROOT)}:{line}")
+        for path, own in docstrings().items()
+        for line, text in own
+        for word in re.findall(r"`([^`\s]+)`", text)
+    }
+    return sorted(one for one in found if re.fullmatch(form, one[0]))
 
 
 @cache
@@ -83,26 +95,28 @@ def spelt_out() -> set[str]:
     """The words of the code without its docstrings, of its tables and pages, and of the tables of models."""
     tables = [*PACKAGE.rglob("*.toml"), *PACKAGE.rglob("*.html"), *(ROOT / "models").rglob("*.toml")]
     words = {word for path in tables for word in re.findall(r"\w+", path.read_text("utf-8"))}
-    for path, text in TEXTS.items():
-        for _, docstring in DOCSTRINGS[path]:
+    for path, text in texts().items():
+        for _, docstring in docstrings()[path]:
             text = text.replace(docstring, "")
         words |= {path.stem, *re.findall(r"\w+", text)}
     return words
 
 
 def test_every_dotted_name_in_a_docstring_exists() -> None:
-    assert len(DOTTED) > 100
+    dotted = [one for one in named(r"[A-Za-z_]\w*(\.\w+)+") if not FILES.search(one[0])]
+    assert len(dotted) > 100
     assert not [
         f"{place}: {word}"
-        for word, place in DOTTED
+        for word, place in dotted
         if word.split(".")[0] not in ELSEWHERE and word not in GROUPS and not resolves(word)
     ]
 
 
 def test_every_other_name_in_a_docstring_stands_in_the_code() -> None:
-    assert len(PLAIN) > 500
+    plain = named(r"[A-Za-z_]\w*")
+    assert len(plain) > 500
     known = spelt_out() | set(FOREIGN.split())
-    assert not [f"{place}: {word}" for word, place in PLAIN if word not in known]
+    assert not [f"{place}: {word}" for word, place in plain if word not in known]
 
 
 def test_the_parts_of_a_package_that_its_docstring_lists_exist() -> None:
