@@ -19,7 +19,7 @@ def test_servos_from_another_folder_mean_a_robot_that_stands_free(tmp_path: Path
 
 def test_a_walk_too_fast_for_static_balance_walks_in_dynamic_balance_instead_of_standing() -> None:
     walk, robot = rr.read_motion(SAMPLES / "walk.bvh"), load_robot("op3")
-    fast = replace(walk, fps=2.1 * walk.fps).resample(30)
+    fast = replace(walk, fps=2.1 * walk.fps).resample(20)
     static = rr.retarget(fast, robot, balance="static").balance
     result = rr.retarget(fast, robot)
     assert static is not None and static.legs == "stand" and "2.5 times as long" in static.instead

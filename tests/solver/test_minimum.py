@@ -183,10 +183,10 @@ ROBOTS: dict[str, Callable[[], rr.Robot]] = {
 
 
 @needs_shared
-@pytest.mark.parametrize(("name", "clip"), [("op3", "walk"), ("op3", "wave"), ("g1", "walk")])
+@pytest.mark.parametrize(("name", "clip"), [("op3", "wave"), ("g1", "walk")])
 def test_ipopt_on_the_whole_nonlinear_program_ends_at_the_same_cost(name: str, clip: str) -> None:
     """All frames, ranges, speeds, footholds and the floor as one program of CasADi, from the same start."""
-    graph = clip_graph(clip, ROBOTS[name](), 40, 52).without("separation")
+    graph = clip_graph(clip, ROBOTS[name](), 40, 50).without("separation")
     problem = problem_of(graph)
     solution = solve_graph(graph, problem=problem, smoothing=Smoothing(steps=60, gain=1e-7))
     found = ipopt(solution, problem, solve_graph(graph, problem=problem, smoothing=Smoothing(steps=0)).trajectory.qpos)

@@ -16,14 +16,14 @@ from robot_retarget.solver.pipeline import solve
 
 
 def test_threads_change_no_bit_of_a_clip() -> None:
-    graph = describe(read_motion(SAMPLES / "wave.bvh").frames(0, 40), load_robot("op3")).unbalanced()
+    graph = describe(read_motion(SAMPLES / "wave.bvh").frames(0, 3 * LEAST_ROWS), load_robot("op3")).unbalanced()
     alone, *shared = (solve(graph, options=SolveOptions(threads=n)).trajectory.qpos for n in (1, 2, 3))
     for qpos in shared:
         np.testing.assert_array_equal(alone, qpos)
 
 
 def test_threads_of_linear_algebra_change_no_bit_of_a_clip() -> None:
-    graph = describe(read_motion(SAMPLES / "clap.bvh").frames(0, 40), load_robot("op3")).unbalanced()
+    graph = describe(read_motion(SAMPLES / "clap.bvh").frames(0, 20), load_robot("op3")).unbalanced()
     found, libraries = [], ThreadpoolController()
     for threads in (1, 2):
         with libraries.limit(limits=threads, user_api="blas"):
@@ -33,7 +33,7 @@ def test_threads_of_linear_algebra_change_no_bit_of_a_clip() -> None:
 
 def test_clips_that_are_solved_at_once_have_every_bit_of_each_alone() -> None:
     robot, motion = load_robot("op3"), read_motion(SAMPLES / "clap.bvh")
-    graphs = [describe(motion.frames(first, 40), robot).unbalanced() for first in (20, 0, 10)]
+    graphs = [describe(motion.frames(first, 20), robot).unbalanced() for first in (8, 0, 4)]
     with ThreadpoolController().limit(limits=2, user_api="blas"):
         alone = [solve(graph).trajectory.qpos for graph in graphs]
         with ThreadPoolExecutor(len(graphs)) as pool:
