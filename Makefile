@@ -2,6 +2,10 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+# Tests wait for servos and browsers a third of their time: three fill two cores.
+WORKERS ?= 3
+# Modules are compiled once, and not by each of the processes that tests start.
+export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: demo test lowest check docs bench clean
 
@@ -9,7 +13,7 @@ demo: $(VENV)/.demo
 	$(BIN)/robot-retarget demo --out demo
 
 test: $(VENV)/.ready
-	$(BIN)/python -m pytest -n 2 --dist loadfile -rs
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile -rs
 
 lowest:  # a solve with the oldest versions that pyproject.toml accepts
 	$(PYTHON) -m venv --clear .lowest
