@@ -45,7 +45,7 @@ FREE_ROOT = 7
 LARGEST_FIGURE = 1e9
 """A larger figure of likeness is a mistake."""
 UNIT = 0.01
-"""Norms of quaternions differ from 1 by at most this."""
+"""Norms of quaternions differ from 1 by at most this; others are refused."""
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ def printable(text: str, instead: Callable[[int], str] = lambda code: " ") -> st
 
 
 LONGEST_MESSAGE = 2000
-"""Of a message [characters]; the longest of the package's own tests has 1,300. A message keeps its two ends."""
+"""Of a message [characters]; the longest of the package's own tests, measured, has 1,300. A message keeps its two ends."""
 
 
 class RobotRetargetError(Exception):

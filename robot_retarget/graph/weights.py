@@ -19,9 +19,9 @@ LEG = 8.0
 """Directions of thigh and shin [-]: limbs to 4.02 and 3.49° with half and double in 2 s of a dance on the G1 (3.69°),
 jerk to 228 and 264 rad/s³ (245)."""
 ARM = 2.0
-"""Directions of upper arm and forearm [-]: 4.49 and 2.97°, 242 and 250 rad/s³."""
+"""Directions of upper arm and forearm [-], measured likewise: 4.49 and 2.97°, 242 and 250 rad/s³."""
 NECK = 0.24
-"""Directions of neck and head [-]: 3.64 and 3.78°."""
+"""Directions of neck and head [-], measured likewise: 3.64 and 3.78°."""
 RAMP = 0.1
 """Touches and footholds gain and lose their priority within this time [s]: half and double change the jerk of the box
 sample as a stream by less than 0.5 %."""

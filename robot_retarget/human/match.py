@@ -74,7 +74,7 @@ def path_priorities(parents: ArrayLike) -> Floats:
 
 TABLES = ("human", "robot")
 LEGS = (0.1, 2.0)
-"""Lengths of a leg that a body can have [m]: those of a newborn are 0.17, those of the tallest man on record 1.3."""
+"""Lengths of a leg that a body can have [m]; others are refused: those of a newborn are 0.17, those of the tallest man on record 1.3."""
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ FLESH_AT_BODY = 0.06
 WITHIN_HUMAN = 0.12
 """... and one that is deeper than this at the first frame is refused [m]."""
 MISSING = 0.1
-"""Poses may begin later and end earlier than the motion by this time [s]; they are held there: three frames at 30
+"""Poses may begin later and end earlier than the motion by this time [s]; they are held there, and a longer lack is refused: three frames at 30
 frames a second."""
 
 

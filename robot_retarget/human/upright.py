@@ -113,7 +113,7 @@ STATURES = (1.2, 2.1)
 DOWN = "-y"
 """The axis that points up in the frame of a camera that stands level."""
 TALLEST = 8.0
-"""Maximum stature of a body in leg lengths [-]; adults have 2, cartoon figures 4."""
+"""Maximum stature of a body in leg lengths [-], a taller one is refused; adults have 2, cartoon figures 4."""
 
 
 def upright(

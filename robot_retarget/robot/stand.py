@@ -20,7 +20,7 @@ ASIDE = 0.2
 """A hanging arm points aside by this angle, as in those keyframes (0.17 to 0.3), so that hands clear the hips [rad] ..."""
 FOREARM_BENT = 0.3
 """... and its forearm forward by this one, which shows the twist of the arm [rad]: half and double change the
-standing poses of three of eight robots by this half and this whole."""
+standing poses of 3 of 8 robots by this half and this whole."""
 STAY = 0.01
 """Weight of the angles of hinges [1/rad] over that of the directions [-]: between equal poses the reference pose
 decides. Half and double move hinges of eight robots by at most 4e-3 rad."""

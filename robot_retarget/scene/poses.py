@@ -74,7 +74,7 @@ INTERMIMIC = slice(318, 325)
 """Columns of InterMimic's rows with the pose of the object: x y z [m], quaternion x y z w."""
 POSE_KEYS = ("poses", "object_poses", "object_pose")
 LONGEST_GAP = 0.5
-"""Longest time in which a body, or a point of a human, was not seen that is bridged [s]."""
+"""Longest time in which a body, or a point of a human, was not seen that is bridged [s]; a longer one is refused."""
 ROBOT = 7
 """Columns of a root before the joints of a robot, and of an object behind them."""
 

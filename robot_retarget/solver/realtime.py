@@ -230,8 +230,8 @@ def follower(options: RealTime, seconds: float) -> tuple[float, float]:
 
 # Fixed-lag smoothing: a pose is returned some frames late, moved to the smooth path through the frames after it.
 
-GIVEN = 3
-"""Number of returned poses that fix the start of the path: third differences span 3 more than the frame."""
+GIVEN = len(THIRD_DIFFERENCE) - 1
+"""Number of returned poses that fix the start of the path: third differences span as many more than the frame."""
 
 
 @dataclass(frozen=True, eq=False)

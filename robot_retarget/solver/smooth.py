@@ -8,11 +8,12 @@ import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from robot_retarget.base.arrays import Floats
+from robot_retarget.graph.track import THIRD_DIFFERENCE
 
 DECIMALS = 9
 """Stiffnesses that agree in these decimals, but for rounding, share one banded system."""
-HIGHEST = 3
-"""Order of the differences that are smooth: those of the jerk, 3."""
+HIGHEST = len(THIRD_DIFFERENCE) - 1
+"""Order of the differences that are smooth: those of the jerk."""
 
 
 def smooth_offsets(

@@ -52,10 +52,14 @@ NAMED = re.compile(
     r"\b(?:clip|walk|stream|dance|kick|wave|clap|capture|exporter|robot|servo|take)s?\b|[Ww]ith (?:half|double|none|\d)|[Tt]wice|times the"
 )
 """What such a figure is of: a robot, a servo, a recording, or another value of the number."""
-HALVED = re.compile(r"(?:[^.;]|\.(?=\d))*[Hh]alf(?:[^.;]|\.(?=\d))*")
+HALVED = re.compile(r"(?:[^.;]|\.(?=\d))*[Hh]alf(?:[^.]|\.(?=\d))*")
 """The sentence about half and double."""
 UNCHANGED = re.compile(r"\b(?:nothing|neither|none|the same|(?:do|does) not change|no (?:stream|contact|clip))\b")
-CHANGED = re.compile(r"\bby (?!less|nothing)[-−]?\d|instead of|in place of|\d and \d|lower|raise")
+CHANGED = re.compile(
+    r"\bby (?!less|nothing)[-−]?\d|instead of|in place of|\d and \d|lower|raise|\d° further|"
+    r"(?:[Hh]alf|double) (?:loses|adds|changes (?:one|the \w+ of \d))"
+)
+"""An effect of one side is one: it bounds the number on that side."""
 
 
 def is_number(node: ast.expr) -> bool:

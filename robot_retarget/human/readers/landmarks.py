@@ -21,7 +21,7 @@ from robot_retarget.human.readers.points import bridged, numbers, of_points
 PLACE = 24
 """Of a point in a frame [bytes]."""
 MOST_FRAMES = 10**6
-"""Of a table that says its frames' numbers: nine hours at 30 frames a second."""
+"""Of a table that says its frames' numbers; higher ones are refused: nine hours at 30 frames a second."""
 Table = dict[str, Floats]
 """The paths (T, 3) of landmarks by name, NaN where lost."""
 _BODY = ("body_", "mediapipe_body_", "pose_")
@@ -144,7 +144,7 @@ LANDMARKS = (
 )  # fmt: skip
 """In the order of the model."""
 COUNTS = (33, 75, 543, 553)
-"""Of the points in an array: the body, with both hands, with the face of 468 or 478 points; the body comes first."""
+"""Of the points in an array, by the formats of MediaPipe: the body, with both hands, with the face of 468 or 478 points; the body comes first."""
 # Each joint, its parent, and the landmarks whose middle it is.
 _JOINTS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("pelvis", "", ("left_hip", "right_hip")),

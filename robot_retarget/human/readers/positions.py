@@ -55,7 +55,7 @@ NAME_KEYS = ("names", "joint_names")
 CONTACT_KEYS = ("foot_contacts", "contacts")
 """(T, 4) of left heel, left toe, right heel, right toe, the order of Kimodo."""
 CONTACT = 0.5
-"""Where contacts are probabilities, from which on a part stands: 0.5 is as likely as not."""
+"""Where contacts are probabilities, from which on a part stands: 0.5, by definition as likely as not."""
 
 
 def matches_format(header: FileHeader) -> bool:

@@ -31,7 +31,7 @@ from robot_retarget.human.readers.smpl import SOMA, TRAM, WORLD_CAMERA, captured
 # and, where people are tracked, `track_ids` (P,).
 
 FOCAL = 5000 / 256
-"""The focal length that 4D-Humans assumes, by the longer side of the picture [-]. Places away from the camera are too far by its
+"""The focal length that the library 4D-Humans assumes, by the longer side of the picture [-]. Places away from the camera are too far by its
 ratio to the true one, for which the picture's diagonal is taken."""
 
 
