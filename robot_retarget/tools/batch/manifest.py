@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from robot_retarget.base.errors import OutputError, UsageError
-from robot_retarget.base.files import made_folder, replacing, write_text
+from robot_retarget.base.files import folder, made_folder, replacing, write_text
 from robot_retarget.tools.batch.task import DONE, Row, TaskResult, sha256_of
 
 INDEX, TIMES, HASHES = "index.jsonl", "times.jsonl", ".hashes.jsonl"
@@ -157,10 +157,7 @@ def _copy(part: Path, target: Path) -> None:
         if path.is_dir() or path.name.startswith(".") or len(inner.parts) == 1:
             continue
         place = target / inner
-        try:
-            place.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise OutputError(f"cannot make the folder {place.parent}: {error.strerror or error}") from error
+        folder(place.parent)
         with replacing(place) as scratch:
             _link(path, scratch)
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from robot_retarget import __version__
 from robot_retarget.base.choices import Balance, Legs, Preset
 from robot_retarget.base.errors import OutputError, RobotRetargetError
+from robot_retarget.base.files import folder
 
 # The options that determine outputs, and the limits of a clip.
 
@@ -250,7 +251,7 @@ def robot_of(name: str, limits: str | None) -> "Robot":
 
 def write(task: Task, trajectory: "Trajectory", robot: "Robot") -> None:
     """Write the trajectory and its further files; every file whole or not at all."""
-    _folder(task.output)
+    folder(task.output.parent)
     trajectory.save(task.output)
     _write_further(task, trajectory, robot)
 
@@ -262,12 +263,5 @@ def _write_further(task: Task, trajectory: "Trajectory", robot: "Robot") -> None
 
     for ending, format, place in task.further():
         take = mirrored(trajectory, robot) if ending else trajectory
-        _folder(place)
+        folder(place.parent)
         export(take, robot, format, place) if format else take.save(place)
-
-
-def _folder(target: Path) -> None:
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"cannot make the folder {target.parent}: {error.strerror or error}") from error

@@ -1,7 +1,7 @@
 """`batch`: many clips onto many robots."""
 
 import os
-from dataclasses import replace
+from dataclasses import fields
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -61,17 +61,9 @@ class BatchOptions(
         """Return what determines the outputs."""
         from robot_retarget.tools.batch.task import Settings
 
-        how = Settings(self.fps, self.preset, self.legs, self.balance, self.frames, self.up, self.repair)
-        return replace(
-            how,
-            formats=tuple(self.format or ()),
-            mirror=self.mirror,
-            map_file=_text(self.map_file),
-            limits=_text(self.limits),
-            freeze=tuple(self.freeze or ()),
-            only=self.only,
-            stand=self.stand,
-        )
+        given = {each.name: getattr(self, each.name) for each in fields(Settings) if hasattr(self, each.name)}
+        given |= {"freeze": tuple(self.freeze or ()), "map_file": _text(self.map_file), "limits": _text(self.limits)}
+        return Settings(**given, formats=tuple(self.format or ()))
 
     def job(self) -> "Job":
         """Return the work to do."""
