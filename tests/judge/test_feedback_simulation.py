@@ -107,7 +107,7 @@ def test_a_free_robot_with_a_sensor_has_feedback_unless_it_is_switched_off(asked
 
 
 def test_pinned_goals_have_no_feedback() -> None:
-    report = simulate(STAND, OP3, mode="pinned", feedback=None)
+    report = simulate(STAND, OP3, mode="pinned", others=False, feedback=None)
     assert report.trajectory is not None and report.trajectory.goals is not None
     assert report.trajectory.goals.feedback is None
     with pytest.raises(UsageError, match="only mode 'free' has balance"):
@@ -122,7 +122,7 @@ def test_a_robot_without_a_sensor_is_told_so() -> None:
 
 
 def test_the_report_says_how_much_was_added_and_keeps_what_was_judged() -> None:
-    report = simulate(STAND, OP3, mode="free", draws=0, feedback=True)
+    report = simulate(STAND, OP3, mode="free", draws=0, others=False, feedback=True)
     assert report.verdict == "pass", report.reasons
     assert 0 <= report.figures["feedback_max_rad"] < 0.1
     assert report.trajectory is not None and report.trajectory.goals is not None
@@ -131,7 +131,7 @@ def test_the_report_says_how_much_was_added_and_keeps_what_was_judged() -> None:
 
 def test_gains_that_oscillate_fail_with_the_joint_and_the_frequency() -> None:
     wild = with_gains({f"{side}_hip_pitch": {"rate": 1.0, "tilt": 5.0} for side in "lr"})
-    report = simulate(hold(OP3, 3.0), wild, mode="free", draws=0, feedback=True)
+    report = simulate(hold(OP3, 3.0), wild, mode="free", draws=0, others=False, feedback=True)
     assert report.verdict == "fail"
     assert any("oscillates" in r and "hip_pitch" in r and "Hz" in r for r in report.reasons), report.reasons
 

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import fields, replace
+from functools import partial
 
 import mujoco
 import numpy as np
@@ -13,6 +14,7 @@ from made_trajectories import hold, robot_of, swing
 from scipy.spatial.transform import Rotation
 from shared_files import ROOT, SHARED, needs_shared
 
+import robot_retarget as rr
 from robot_retarget.actuators.motors import MOTORS
 from robot_retarget.base.errors import RobotError, UsageError
 from robot_retarget.collision import warnings_of
@@ -20,7 +22,7 @@ from robot_retarget.contact.stance import Stance, margins
 from robot_retarget.judge.compensate import compensated
 from robot_retarget.judge.figures import fall_figures
 from robot_retarget.judge.playback import Playback, roll_out
-from robot_retarget.judge.rollout import plant_of, rollouts, simulate
+from robot_retarget.judge.rollout import plant_of, rollouts
 from robot_retarget.judge.servo_model import drives
 from robot_retarget.judge.stance import floor_height, slip_distances, stance_of, zero_moment_point
 from robot_retarget.judge.verdict import Thresholds, read_thresholds
@@ -30,6 +32,8 @@ from robot_retarget.robot.support import feet_of, level_planes
 from robot_retarget.trajectory import Trajectory
 
 OP3 = load_robot("op3")
+simulate = partial(rr.simulate, others=False)
+"""On the modelled servos alone; `test_judges.py` has the others."""
 FREE = plant_of(OP3, "free")
 
 

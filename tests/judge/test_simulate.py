@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import mujoco
@@ -11,16 +12,19 @@ from made_trajectories import RAIL, hold, robot_of, swing, wander
 from scipy.spatial.transform import Rotation
 from shared_files import SHARED, needs_shared
 
+import robot_retarget as rr
 from robot_retarget.base.errors import TrajectoryError, UsageError
 from robot_retarget.base.untrusted.documents import content_sha256
 from robot_retarget.judge.playback import Playback
-from robot_retarget.judge.rollout import plant_of, simulate
+from robot_retarget.judge.rollout import plant_of
 from robot_retarget.judge.servo_model import drives_of
 from robot_retarget.judge.verdict import Thresholds
 from robot_retarget.robot import load_robot
 from robot_retarget.trajectory import Trajectory, fingerprint
 
 OP3 = load_robot("op3")
+simulate = partial(rr.simulate, others=False)
+"""On the modelled servos alone; `test_judges.py` has the others."""
 KP = 800 / 128 * (4096 / (2 * np.pi)) / 885 * 4.1
 """Of an XM430-W350 at its factory gain, 12 V [N m/rad]."""
 DAMPING, FRICTION = 1.084, 0.03
@@ -57,7 +61,7 @@ def test_a_pelvis_on_its_side_loads_the_limbs_sideways():
     data = mujoco.MjData(OP3.model)
     data.qpos[:] = side
     mujoco.mj_forward(OP3.model, data)
-    error = simulate(hold(OP3, 1.0, qpos=side), OP3, compensate=False, others=False).series["error"][-1]
+    error = simulate(hold(OP3, 1.0, qpos=side), OP3, compensate=False).series["error"][-1]
     np.testing.assert_allclose(-KP * error, data.qfrc_bias[OP3.dof_index], atol=SLACK)
 
 
@@ -71,7 +75,7 @@ def test_a_sine_beyond_the_servo_saturates_it_and_fails_by_name():
     moving = Playback(settle_before=0.0, settle_after=0.0)
     unbounded = replace(OP3, servo_map=None)  # a map would not let goals go so fast
     moved = swing(OP3, "l_sho_pitch", 1.2, 3.0, 2.0)
-    report = simulate(moved, unbounded, drives=drives_of(OP3), playback=moving, others=False)
+    report = simulate(moved, unbounded, drives=drives_of(OP3), playback=moving)
     assert (
         report.figures["joints"]["l_sho_pitch"]["saturated_share"] > 0.4
     )  # of a sine whose goals keep the map's speed
@@ -133,7 +137,7 @@ def test_a_joint_beyond_its_range_fails_by_that_much():
 
 
 def test_a_stand_stays_up_on_its_own():
-    report = simulate(hold(OP3, 3.0), OP3, mode="free", draws=0)
+    report = simulate(hold(OP3, 3.0), OP3, mode="free", draws=0, others=True)
     assert report.verdict == "pass" and report.figures["fall_s"] is None
 
 
@@ -181,7 +185,7 @@ def test_a_fall_is_dated_within_the_trajectory():
 
 def test_the_report_of_a_simulation_is_the_contract_and_names_the_file(tmp_path):
     trajectory = wander(OP3)
-    report = simulate(trajectory.save(tmp_path / "t.npz"), OP3)
+    report = rr.simulate(trajectory.save(tmp_path / "t.npz"), OP3)
     kept = json.loads(report.save(tmp_path / "report.json").read_text(encoding="utf-8"))
     contract = ["verdict", "reasons", "figures", "trajectory_sha256", "robot", "version"]
     assert list(kept) == [
