@@ -8,14 +8,15 @@ constant); names add to it.
 import re
 import tomllib
 import unicodedata
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import cache
 from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from robot_retarget.base.arrays import Floats, unit
+from robot_retarget.base.arrays import Floats, Ints, unit
 from robot_retarget.human.skeleton import Skeleton
 
 # Evidence in the names of joints: a side and parts of the body, each with a weight.
@@ -251,7 +252,8 @@ class LimbPair:
 
 def find_limbs(body: PosedSkeleton) -> tuple[LimbPair | None, LimbPair | None]:
     """The best legs and arms; None for a missing pair."""
-    legs, arms = _pairs(body, "leg"), _pairs(body, "arm")
+    chains = _side_by_side(body)
+    legs, arms = (_pairs(body, chains, kind) for kind in ("leg", "arm"))
     options: list[tuple[float, LimbPair | None, LimbPair | None]] = [(leg.score, leg, None) for leg in legs]
     options += [
         (leg.score + arm.score + _BOTH + _relation(body, leg, arm), leg, arm)
@@ -278,22 +280,15 @@ def _stump(body: PosedSkeleton, pair: LimbPair, other: LimbPair) -> bool:
     )
 
 
-def _pairs(body: PosedSkeleton, kind: str) -> list[LimbPair]:
-    """Candidates for the legs or the arms, the best ones first."""
-    pairs = []
-    long = SHORT_CHAIN * _second_longest(body)
+def _side_by_side(body: PosedSkeleton) -> list[tuple[int, "_Chain", "_Chain"]]:
+    """Return the joints that two chains hang from, with the chains."""
+    found, long = [], SHORT_CHAIN * _second_longest(body)
     for hub, children in enumerate(body.children):
-        branches = [child for child in children if body.branch(child) > long]
-        for left, right in combinations(branches, 2):
-            chains = body.chain(left), body.chain(right)
-            if max(map(len, chains)) > _LONGEST_CHAIN:
-                continue
-            one, two = _fit(body, chains[0], chains[1], kind), _fit(body, chains[1], chains[0], kind)
-            if one is not None and two is not None:
-                uneven = abs(np.log(one.upper / two.upper)) + abs(np.log(one.lower / two.lower))
-                score = one.score + two.score - 6 * uneven + 0.5 * _opposite(body, one, two)
-                pairs.append(LimbPair(hub, (one, two), float(score)))
-    return sorted(pairs, key=lambda pair: -pair.score)[:6]
+        chains = [body.chain(child) for child in children if body.branch(child) > long]
+        for left, right in combinations(chains, 2):
+            if max(len(left), len(right)) <= _LONGEST_CHAIN:
+                found.append((hub, _Chain.of(body, left, right), _Chain.of(body, right, left)))
+    return found
 
 
 def _second_longest(body: PosedSkeleton) -> float:
@@ -302,35 +297,66 @@ def _second_longest(body: PosedSkeleton) -> float:
     return max(beside, default=0.0)
 
 
+def _pairs(body: PosedSkeleton, chains: list[tuple[int, "_Chain", "_Chain"]], kind: str) -> list[LimbPair]:
+    """Candidates for the legs or the arms, the best ones first."""
+    pairs = []
+    for hub, left, right in chains:
+        one, two = (_fit(body, chain, kind) for chain in (left, right))
+        if one is not None and two is not None:
+            uneven = abs(np.log(one.upper / two.upper)) + abs(np.log(one.lower / two.lower))
+            score = one.score + two.score - 6 * uneven + 0.5 * _opposite(body, one, two)
+            pairs.append(LimbPair(hub, (one, two), float(score)))
+    return sorted(pairs, key=lambda pair: -pair.score)[:6]
+
+
 def _opposite(body: PosedSkeleton, one: Limb, two: Limb) -> int:
     """How many of the three joints are named after opposite sides, less those named after the same one."""
     sides = [(body.evidence[a].side, body.evidence[b].side) for a, b in zip(one.joints, two.joints, strict=True)]
     return sum((a != b) - (a == b) for a, b in sides if a and b)
 
 
-def _fit(body: PosedSkeleton, chain: tuple[int, ...], other: tuple[int, ...], kind: str) -> Limb | None:
+def _fit(body: PosedSkeleton, chain: "_Chain", kind: str) -> Limb | None:
     """The three joints of a chain that make the best limb."""
-    sizes = _Sizes.of(body, chain, other)
-    fits: list[tuple[tuple[int, ...], Limb]] = []
-    for places in combinations(range(len(chain)), 3):
-        a, b, c = places
-        upper, lower = float(sizes.apart[a, b]), float(sizes.apart[b, c])
-        if min(upper, lower) < SAME * sizes.total:
-            continue
-        agreement = _agreement(body, chain, places, kind)
-        score = sizes.score(places, kind, agreement) + agreement - _misnamed(body, chain, places, kind)
-        fits.append((places, Limb((chain[a], chain[b], chain[c]), chain, upper, lower, score)))
-    if not fits:
+    places, apart = _threes(len(chain.joints)), chain.apart
+    a, b, c = places.T
+    places = places[np.minimum(apart[a, b], apart[b, c]) >= SAME * chain.total]
+    if not len(places):
         return None
-    chosen, best = max(fits, key=lambda fit: fit[1].score)
-    others = [fit.score for places, fit in fits if sizes.apart[chosen, places].max() > SAME * best.length]
-    return replace(best, lead=best.score - max(others, default=-np.inf))
+    agreement, misnamed = _named(body, chain.joints, places, kind)
+    scores = chain.scores(places, kind, agreement) + agreement - misnamed
+    best = int(scores.argmax())
+    chosen = places[best]
+    upper, lower = apart[chosen[:2], chosen[1:]].tolist()
+    elsewhere = apart[chosen, places].max(axis=1) > SAME * (upper + lower)
+    first, middle, last = (chain.joints[place] for place in chosen)
+    lead = float(scores[best] - scores[elsewhere].max(initial=-np.inf))
+    return Limb((first, middle, last), chain.joints, upper, lower, float(scores[best]), lead)
+
+
+@cache
+def _threes(count: int) -> Ints:
+    """Return (K, 3) all choices of three places in order among some."""
+    return np.array(list(combinations(range(count), 3)), dtype=int).reshape(-1, 3)
+
+
+def _named(body: PosedSkeleton, chain: tuple[int, ...], places: Ints, kind: str) -> tuple[Floats, Floats]:
+    """Return (K,) how far the names of three joints agree with the parts of a limb, and the penalty of their names.
+
+    The penalty is that of end joints, and of a clavicle, with a shoulder behind it, at the place of a shoulder.
+    """
+    names = [body.evidence[joint] for joint in chain]
+    agreement = np.array([[name.agreement(part) for part in LIMBS[kind]] for name in names])
+    tips, clavicles = (np.array(flags) for flags in zip(*((n.tip, "clavicle" in n.parts) for n in names), strict=True))
+    called, (first, middle) = np.cumsum(agreement[:, 0] > 0), places[:, :2].T
+    collarbones = clavicles[first] & (called[middle - 1] > called[first])
+    return agreement[places, range(3)].sum(axis=1), tips[places].sum(axis=1) + 2.0 * collarbones
 
 
 @dataclass(frozen=True)
-class _Sizes:
-    """Lengths along a chain of N joints, in the unit of the body."""
+class _Chain:
+    """N joints below one another, with lengths along them in the unit of the body."""
 
+    joints: tuple[int, ...]
     apart: Floats
     """(N, N) mean distances of joints."""
     spread: Floats
@@ -345,45 +371,29 @@ class _Sizes:
     """Length of the limb: a sword in one hand makes that chain longer, not its arm."""
 
     @classmethod
-    def of(cls, body: PosedSkeleton, chain: tuple[int, ...], other: tuple[int, ...]) -> "_Sizes":
+    def of(cls, body: PosedSkeleton, chain: tuple[int, ...], other: tuple[int, ...]) -> "_Chain":
         points = body.positions[:, list(chain)]
         apart = np.linalg.norm(points[:, :, None] - points[:, None], axis=3)
         across = np.linalg.norm(points[:, :, None] - body.positions[:, None, list(other)], axis=3)
         below = np.append(np.cumsum(body.bones[list(chain)][:0:-1])[::-1], 0.0)
         mean, total = apart.mean(axis=0), min(below[0], body.branch(other[0]))
         spread = np.maximum(apart.std(axis=0) - body.stretch * mean, 0.0)
-        return cls(mean, spread, _bulges(mean), below, across.mean(axis=0).min(axis=1), float(total))
+        return cls(chain, mean, spread, _bulges(mean), below, across.mean(axis=0).min(axis=1), float(total))
 
-    def score(self, places: tuple[int, int, int], kind: str, agreement: float) -> float:
-        """Score two rigid straight bones of the usual ratio, from a joint off the other chain to a hand or foot on this one."""
-        a, b, c = places
+    def scores(self, places: Ints, kind: str, agreement: Floats) -> Floats:
+        """Score (K,) two rigid straight bones of the usual ratio, from a joint off the other chain to a hand or foot on this one."""
+        a, b, c = places.T
         upper, lower = self.apart[a, b], self.apart[b, c]
-        return float(
-            _REACHING * min(0.0, np.log((upper + lower) / self.total))
+        return (
+            _REACHING * np.minimum(0.0, np.log((upper + lower) / self.total))
             - 4 * (self.bulges[a, b] + self.bulges[b, c])
             - 20 * (self.spread[a, b] / upper + self.spread[b, c] / lower)
-            - max(0.0, 1 - self.below[c] / (SHORT_CHAIN * lower))
+            - np.maximum(0.0, 1 - self.below[c] / (SHORT_CHAIN * lower))
             - 4 * (self.beside[a] < SAME * (upper + lower))
-            + max(-0.5 * (np.log(upper / lower / _RATIO[kind]) / _SPREAD) ** 2, _ODD + 2.0 * max(agreement, 0.0))
+            + np.maximum(
+                -0.5 * (np.log(upper / lower / _RATIO[kind]) / _SPREAD) ** 2, _ODD + 2.0 * np.maximum(agreement, 0.0)
+            )
         )
-
-
-def _agreement(body: PosedSkeleton, chain: tuple[int, ...], places: tuple[int, int, int], kind: str) -> float:
-    """How far the names of three joints agree with the parts of a limb."""
-    names = [body.evidence[chain[k]] for k in places]
-    return sum(name.agreement(part) for name, part in zip(names, LIMBS[kind], strict=True))
-
-
-def _misnamed(body: PosedSkeleton, chain: tuple[int, ...], places: tuple[int, int, int], kind: str) -> float:
-    """Return the penalty of the names of three joints: end joints, or a collarbone at the place of a shoulder."""
-    tips = sum(body.evidence[chain[k]].tip for k in places)
-    return tips + 2.0 * _collarbone(body, chain[places[0] : places[1]], LIMBS[kind][0])
-
-
-def _collarbone(body: PosedSkeleton, chain: tuple[int, ...], part: str) -> bool:
-    """Whether the first of some joints may be called a clavicle and a later one is called a shoulder."""
-    evidence = [body.evidence[joint] for joint in chain]
-    return "clavicle" in evidence[0].parts and any(name.agreement(part) > 0 for name in evidence[1:])
 
 
 def _bulges(mean: Floats) -> Floats:
@@ -392,10 +402,9 @@ def _bulges(mean: Floats) -> Floats:
     Args:
         mean: (N, N) distances between the joints of a chain.
     """
-    worst = np.zeros_like(mean)
-    for a, b in combinations(range(len(mean)), 2):
-        base, first, second = mean[a, b], mean[a, a + 1 : b], mean[a + 1 : b, b]
-        s = (base + first + second) / 2
-        squared = s * (s - base) * (s - first) * (s - second)
-        worst[a, b] = 2 * np.sqrt(np.maximum(squared, 0.0)).max(initial=0.0) / max(base**2, 1e-12)
-    return worst
+    place = np.arange(len(mean))
+    between = (place[:, None, None] < place) & (place < place[:, None])
+    base, first, second = mean[:, :, None], mean[:, None, :], mean.T[None]
+    s = (base + first + second) / 2
+    squared = np.where(between, s * (s - base) * (s - first) * (s - second), 0.0)
+    return 2 * np.sqrt(squared.max(axis=2, initial=0.0)) / np.maximum(mean**2, 1e-12)
