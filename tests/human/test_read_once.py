@@ -2,7 +2,9 @@
 
 import cProfile
 import pstats
+import shutil
 from collections import Counter
+from pathlib import Path
 
 import pytest
 from shared_files import ROOT
@@ -23,9 +25,9 @@ MOST = {
 
 
 @pytest.mark.parametrize("balance", ["off", "static"])
-def test_the_human_of_a_retargeting_is_read_once(balance: Balance) -> None:
+def test_the_human_of_a_retargeting_is_read_once(balance: Balance, tmp_path: Path) -> None:
     profile = cProfile.Profile()
-    profile.runcall(_retargeted, balance)
+    profile.runcall(_retargeted, shutil.copy(SAMPLES / "clap.bvh", tmp_path), balance)
     home, calls = str(ROOT / "robot_retarget") + "/", Counter[str]()
     for (file, _, name), (_, count, *_) in vars(pstats.Stats(profile))["stats"].items():
         if file.startswith(home):
@@ -33,6 +35,6 @@ def test_the_human_of_a_retargeting_is_read_once(balance: Balance) -> None:
     assert {name: calls[name] for name in MOST if not 0 < calls[name] <= MOST[name]} == {}
 
 
-def _retargeted(balance: Balance) -> float:
-    motion = rr.read_motion(SAMPLES / "clap.bvh").frames(0, 20)
+def _retargeted(clip: str | Path, balance: Balance) -> float:
+    motion = rr.read_motion(clip).frames(0, 20)
     return rr.retarget(motion, rr.load_robot("op3"), balance=balance).likeness.path_off
