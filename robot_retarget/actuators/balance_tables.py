@@ -144,7 +144,7 @@ class Balance:
     fusion: float = field(default=1.0, metadata=within(0.05, 60, "s"))
     """Time constant with which the accelerometer corrects the gyroscope's tilt [s]."""
     fade: float = field(default=0.3, metadata=within(0.01, 5, "s"))
-    """Duration of the fade-in at the start, and of the fade-out after a sensor fault [s]: five times those 57 ms."""
+    """Duration of the fade-in at the start, and of the fade-out after a sensor fault [s]: five times the 57 ms of an XM430."""
     stop_roll: float = field(default=0.5, metadata=within(0.05, 1.6, "rad"))
     """In roll ..."""
     stop_pitch: float = field(default=0.5, metadata=within(0.05, 1.6, "rad"))

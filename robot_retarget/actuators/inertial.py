@@ -114,7 +114,7 @@ def _into_body(quaternion: Floats, vector: Floats) -> Floats:
 # Fault checks of an inertial sensor: before a motion at rest, and at every tick.
 
 FROZEN = 0.05
-"""A sensor without a new reading, or with the same one, for this time is at fault [s]: six ticks at 125 a second."""
+"""A sensor without a new reading, or with the same one, for this time is at fault [s]: six ticks at the 125 a second of `goals.RATE`."""
 WEIGHT = 0.15
 """At rest the accelerometer measures gravity within this share: the data sheet of an MPU-9250 allows an offset of 0.08 g and
 an error of scale of 0.03."""
@@ -215,7 +215,7 @@ RISE = 0.5
 REST = 0.5
 """The first pose is held for this time before: an emulated robot is released after 0.3 s at rest [s]."""
 HELD = 0.2
-"""A lean is held for this time, in which the accelerometer is averaged [s]: the noise of a mean of 25 readings is a fifth."""
+"""A lean is held for this time, in which the accelerometer is averaged [s]: the noise of a mean of 25 readings, at the 125 a second of `goals.RATE`, is a fifth."""
 PART = 0.5
 """A lean is measured from this part of it on; more about the other axis is a fault. Fewer readings than this are silence."""
 LATE_READING = 0.12

@@ -118,7 +118,7 @@ class Limits:
     speed: float = field(default=4.0, metadata=within(0.05, 60, "rad/s"))
     """Of a goal [rad/s]: 0.83 of the no-load speed of an XM430-W350 in its data sheet."""
     approach_speed: float = field(default=0.8, metadata=within(0.01, 10, "rad/s"))
-    """Of the way to the first frame [rad/s]: a fifth of the 4 rad/s of a goal."""
+    """Of the way to the first frame [rad/s]: a fifth of the 4 rad/s of `speed`."""
     approach_time: float = field(default=2.0, metadata=within(0.1, 60, "s"))
     """Its shortest duration [s]."""
     jump: float = field(default=0.5, metadata=within(0.02, 3, "rad"))

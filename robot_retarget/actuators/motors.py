@@ -24,8 +24,10 @@ FULL_PWM = 885
 """Of the register `goal_pwm`: full duty."""
 CONTINUOUS_SHARE = 0.2
 """Of stall torque and current that may last: the maker's manuals call motions stable at a fifth of stall or less."""
-HEAT_RISE = 50.0
-"""Final temperature rise at the continuous current [K]: from 30 °C to the shutdown at 80 °C."""
+ROOM = 30.0
+"""Temperature of a room, and of a rested servo [°C]: 50 K below the shutdown of an XM430 at 80 °C in its data sheet."""
+HEAT_RISE = 80.0 - ROOM
+"""Final temperature rise at the continuous current [K]: to that shutdown."""
 HEAT_TIME = 300.0
 """Time constant of that warming [s]."""
 

@@ -324,9 +324,9 @@ class Alike:
     """Share of the human's hand contacts that the robot does not make (1, 0, 0)."""
     steps_shortened: float = 0.6
     """Share by which steps are shorter than the scaled human's (0, 0, 0); half steps make 0.5."""
-    path_off: float = 0.6
+    path_off: float = steps_shortened
     """Mean error of the pelvis' place over the human's mean distance from its start, or a leg: steps of half their length make
-    0.5, standing in place makes 1."""
+    0.5 here too, standing in place makes 1."""
     heading_off: float = 0.6
     """Heading error that lasts for a tenth of the time [rad] (0, 0, 0): 34°."""
     steps_lost: float = 0.5

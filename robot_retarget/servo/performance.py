@@ -73,7 +73,7 @@ def let_go(link: Link) -> None:
 STOPPING = (FaultError, NoAnswerError, StatusError)
 """Errors that end a motion with all servos holding."""
 MADE_UP = 0.025
-"""Ticks up to this late are sent at once, one after the other; later ones are skipped [s]: three ticks of 8 ms. The motion
+"""Ticks up to this late are sent at once, one after the other; later ones are skipped [s]: three ticks of the 8 ms of `goals.RATE`. The motion
 keeps its mean speed."""
 
 

@@ -18,7 +18,7 @@ BLOCK = 32
 """Frames of a mapped call; single calls evaluate the rest. A boxing OP3 is solved in 1.6 s with half and with this, in
 1.9 s with double."""
 WITHIN = 1e-5
-"""A bound or row counts as satisfied if it is missed by no more: the solver's own 1e-6 applies to rows scaled by the
+"""A bound or row counts as satisfied if it is missed by no more: the 1e-6 of the library DAQP applies to rows scaled by the
 Hessian."""
 EXACT = WITHIN / 100
 """A row that was left out counts as satisfied if it is missed by no more, a hundredth of `WITHIN`: the result must not depend

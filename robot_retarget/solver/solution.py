@@ -11,6 +11,7 @@ from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.graph import EdgeError
 from robot_retarget.graph.track import HARD, Status, Track
 from robot_retarget.robot.kinematics import integrate
+from robot_retarget.robot.model import AT_SPEED_BOUND
 from robot_retarget.scores.physics import JUMP
 from robot_retarget.solver.limits import JointBounds, Targets, targets_of
 from robot_retarget.solver.problem import Problem
@@ -138,7 +139,7 @@ PROBE = 1e-5
 rounding of 2e-16."""
 STATIONARY = 0.01
 """A measure with smaller slopes by all joints does not change [m/rad]."""
-AT_BOUND = 1e-3
+AT_BOUND = AT_SPEED_BOUND
 """A joint is at its bound within this [rad], a speed within this share of its limit [-], links within this of their margin [m]."""
 MATTERS = 0.1
 """A joint is named whose slope is at least this share of the largest [-]."""

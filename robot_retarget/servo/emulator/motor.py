@@ -8,6 +8,7 @@ from robot_retarget.actuators.motors import (
     FULL_PWM,
     HEAT_RISE,
     HEAT_TIME,
+    ROOM,
     TICKS_PER_TURN,
     Pendulum,
     mechanics_of,
@@ -23,8 +24,6 @@ from robot_retarget.servo.emulator.registers import (
     Registers,
 )
 
-AMBIENT = 30.0
-"""Temperature of the room and of a rested servo [°C]: the one from which `HEAT_RISE` = 50 K reaches the shutdown."""
 OVERLOAD_DUTY = 0.8
 """A servo that puts this part of its supply on the winding ..."""
 OVERLOAD_SPEED = 0.1
@@ -46,7 +45,7 @@ class EmulatedMotor:
     """Part of the supply on the winding, −1…1."""
     current: float = 0.0
     """[A]."""
-    temperature: float = AMBIENT
+    temperature: float = ROOM
     inertia: float = 0.012
     """Of rotor and load at the output [kg m²]."""
     damping: float = 0.0
@@ -94,7 +93,7 @@ class EmulatedMotor:
         """Update current, heat and overload from duty and speed."""
         motor, speed = self.model.motor, self.velocity * self.tick
         self.current = motor.current(self.duty, speed, voltage) if self.duty else 0.0
-        goal = AMBIENT + HEAT_RISE * (self.current / motor.continuous_current) ** 2
+        goal = ROOM + HEAT_RISE * (self.current / motor.continuous_current) ** 2
         self.temperature += (goal - self.temperature) * (1 - exp(-dt / HEAT_TIME))
         stuck = abs(self.duty) >= OVERLOAD_DUTY and abs(speed) < OVERLOAD_SPEED * motor.no_load_speed
         self.strained = self.strained + dt if stuck else 0.0
