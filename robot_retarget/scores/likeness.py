@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.base.arrays import Bools, Floats, intervals
+from robot_retarget.base.arrays import Bools, Floats, Ints, intervals
 from robot_retarget.contact.record import ContactRecord
 from robot_retarget.contact.rule import JOINTS
 from robot_retarget.contact.soles import sole_contacts
@@ -253,7 +253,7 @@ def likeness_of(
     human: HumanFeatures,
     robot: Robot,
     qpos: Floats,
-    frames: slice | Bools = slice(None),
+    frames: slice | Bools | Ints = slice(None),
     *,
     slowdown: float = 1.0,
     stride: float = 1.0,

@@ -116,7 +116,7 @@ class Result:
             self.graph.human,
             self.robot,
             self.solution.trajectory.qpos,
-            self.balance.timeline.share >= 1,
+            self.balance.timeline.inside,
             slowdown=self.balance.slowdown,
             stride=self.balance.stride,
             legs="instead" if self.balance.instead and self.balance.legs == "stand" else self.balance.legs,

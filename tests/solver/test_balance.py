@@ -453,6 +453,22 @@ def test_steps_are_steps_at_any_pace_and_a_swing_that_the_clip_cuts_lasts_as_lon
     )
 
 
+def test_a_foot_whose_swing_the_clip_cuts_follows_the_clip_to_the_cut_and_stands_where_it_is_there(
+    ik: BalancedIk,
+) -> None:
+    """The left foot is on its way ahead at the last frame, 50 mm in front of the other; the frames after it are no frames of the clip."""
+    places, planted = np.tile(stand_places(ik), (60, 1, 1, 1)), np.ones((60, 2), bool)
+    planted[45:, 0], places[45:, 0, :, 0] = False, places[45:, 0, :, 0] + np.linspace(0, 0.05, 15)[:, None]
+    places[46:, 0, :, 2] = 0.03
+    stand = balanced_stand(ik, places[0])
+    plan = begun(ik, PlaybackClip(ik.graph, np.tile(stand, (60, 1)), places, planted, 30.0), DYNAMIC).plan
+    time, forward = plan.timeline, plan.places[:, 0, :, 0].mean(axis=1) - stand_places(ik)[0, :, 0].mean()
+    cut = int(np.flatnonzero(time.at == 59)[0])
+    assert forward[cut:] == pytest.approx(0.05, abs=2e-3) and forward[cut] > forward[cut - 5]
+    assert not time.planted[cut, 0] and time.planted[-1].all() and time.inside[-1] == cut
+    assert (np.diff(time.phase) > 0).all()
+
+
 def test_steps_alone_put_soles_on_their_places_and_the_mass_over_its_path_within_two_millimetres(
     ik: BalancedIk,
 ) -> None:

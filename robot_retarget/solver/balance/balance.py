@@ -219,7 +219,7 @@ def _tried(ik: BalancedIk, attempt: Attempt, count: Count) -> Attempt:
         moments = likeness_of(_graph_at(ik, clip, start.plan.timeline.at[frames]).human, ik.robot, qpos)
         reasons = _unlike(slowdown, most, moments, SURE) or _tipping(margin, most, -FAR * ik.leg, clip.fps)
     for found in () if reasons else playbacks(ik, start, ends, count):
-        solved, slowdown, inside = solved + 1, found.slowdown, found.timeline.share >= 1
+        solved, slowdown, inside = solved + 1, found.slowdown, found.timeline.inside
         likeness = likeness_of(_graph_at(ik, clip, found.timeline.at).human, ik.robot, found.qpos, inside)
         if reasons := _unlike(slowdown, most, likeness):
             break

@@ -6,11 +6,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 from scipy import sparse
-from scipy.spatial.transform import Rotation
 
-from robot_retarget.base.arrays import JERK_PEAK, Floats, minimum_jerk, smoothstep
+from robot_retarget.base.arrays import JERK_PEAK, Floats, Ints, minimum_jerk
 from robot_retarget.graph.describe import RobotGraph
-from robot_retarget.graph.soles import flattened, heading
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.support import Planes, Polygon, joined, level_planes, planes_through, support
 from robot_retarget.robot.timing import sample
@@ -169,9 +167,16 @@ class Timeline:
     fps: float
 
     @property
+    def inside(self) -> Ints:
+        """Indices of the frames of the clip itself: without the rest of a swing that it cuts, over which the human is not known."""
+        whole = np.flatnonzero(self.share >= 1)
+        begin, end = (np.flatnonzero(self.at[whole] == self.at[whole[k]]) for k in (0, -1))
+        return whole[begin[-1] : end[0] + 1]
+
+    @property
     def phase(self) -> Floats:
         """(K,) strictly increasing: time on the clip, and on the stands before and after it [s]."""
-        inside, frames = np.flatnonzero(self.share >= 1), np.arange(len(self.at))
+        inside, frames = self.inside, np.arange(len(self.at))
         return (self.at + np.minimum(frames - inside[0], 0) + np.maximum(frames - inside[-1], 0)) / self.fps
 
 
@@ -242,11 +247,11 @@ def plan_playback(
         how: conditions on the centre of mass.
         drift: of an earlier playback, whose limbs swing as those of this one.
     """
-    feet = [_end_places(ik, clip, t) for t in (0, -1)]
+    feet = [np.stack([laid_on(clip.ground, sole, ARC * ik.leg) for sole in clip.corners[t]]) for t in (0, -1)]
     stands = [balanced_stand(ik, places, t) for places, t in zip(feet, (0, -1), strict=True)]
     timeline = timeline_of(ik, clip, stands, stretch)
     targets = _target_poses(ik, clip, stands, timeline)
-    places = _places(ik, clip, feet, timeline)
+    places = _places(ik, clip, timeline)
     (supports, planes), centre = _supports(timeline, places, clip.ground), ik.centres(targets)
     over = np.array([s.middle for s in supports]) if clip.planted.all() else places.mean(axis=(1, 2))[:, :2]
     lever = (centre[:, 2] - planes.places[:, 2]) / ik.robot.gravity
@@ -306,33 +311,11 @@ def _target_poses(ik: BalancedIk, clip: PlaybackClip, stands: list[Floats], time
     return targets
 
 
-def _end_places(ik: BalancedIk, clip: PlaybackClip, frame: int) -> Floats:
-    """Return (F, 4, 3) the feet before or after the clip; a foot in the air goes to its place next to the other."""
-    corners, planted = clip.corners[frame], clip.planted[frame]
-    own, lift = stand_places(ik), ARC * ik.leg
-    if not planted.all() and planted.any():
-        target, stand = flattened(corners[planted][0]), own[planted][0]
-        spin = Rotation.from_euler("z", heading(target[None]) - heading(stand[None])).as_matrix()
-        beside = target.mean(axis=0) + (own - stand.mean(axis=0)) @ spin.T
-        corners = beside + np.array([0.0, 0.0, corners[planted][0][:, 2].min()])
-    return np.stack([laid_on(clip.ground, sole, lift) for sole in corners])
-
-
-def _places(ik: BalancedIk, clip: PlaybackClip, ends: list[Floats], timeline: Timeline) -> Floats:
-    """Return (K, F, 4, 3) places of the soles; a swing that the clip cuts goes straight from or to the place of an end."""
+def _places(ik: BalancedIk, clip: PlaybackClip, timeline: Timeline) -> Floats:
+    """Return (K, F, 4, 3) places of the soles; a foot whose swing the clip cuts stands where it is at the cut."""
     before = np.minimum(timeline.at.astype(int), len(clip.corners) - 2)
     part = (timeline.at - before)[:, None, None, None]
     corners = clip.corners[before] * (1 - part) + clip.corners[before + 1] * part
-    first, last = np.flatnonzero(timeline.at > 0)[0], np.flatnonzero(timeline.at < timeline.at[-1])[-1]
-    for frames, places, frame in ((slice(0, first), ends[0], 0), (slice(last + 1, None), ends[1], -1)):
-        aside = timeline.planted[frames] & ~clip.planted[frame]
-        corners[frames] = np.where(aside[:, :, None, None], places, corners[frames])
-    for foot, end in zip(*np.nonzero(~clip.planted[[0, -1]].T), strict=True):
-        inside, standing = (first, last)[end], np.flatnonzero(timeline.planted[:, foot])
-        before, after = (standing[standing < inside][-1:], standing[standing > inside][:1])
-        start, stop = int(before[0]), int(after[0])
-        part = smoothstep(np.linspace(0.0, 1.0, stop - start + 1))[1:-1, None, None]
-        corners[start + 1 : stop, foot] = (1 - part) * corners[start, foot] + part * corners[stop, foot]
     gap = LEAST_GAP * float(gaps(stand_places(ik)[None])[0])
     return foothold_places(timeline.planted, corners, ARC * ik.leg, gap, clip.ground)
 

@@ -304,7 +304,7 @@ def foreseen(ik: BalancedIk, start: Start, ends: Sequence[Steadiness]) -> Forese
         point = tread(ik.robot, alone, clip.fps, QUICK, plan.planes).point
         margin = _margins(plan, point)
         clip, plan = _made_up(ik, clip, plan, alone, point, start.stretch, how)
-    inside = np.flatnonzero(plan.timeline.share >= 1)
+    inside = plan.timeline.inside
     frames = inside[np.linspace(0, len(inside) - 1, MOMENTS).astype(int)]
     targets = targets_of(_tracks(ik, clip, plan))
     moments = [
@@ -455,7 +455,6 @@ def _margins(plan: PlaybackPlan, points: Floats) -> Floats:
 
 def _on_clip(robot: Robot, qpos: Floats, timeline: Timeline, clip: PlaybackClip) -> Floats:
     """Return (T, nq) configurations of a playback (K, nq) at the clip's own frames."""
-    inside = np.flatnonzero(timeline.share >= 1)
-    inside = inside[np.unique(timeline.at[inside], return_index=True)[1]]
+    inside = timeline.inside
     times = np.interp(np.arange(len(clip.qpos)), timeline.at[inside], inside / clip.fps)
     return sample(Trajectory(qpos, clip.fps, robot.joint_names, robot.name), robot, times)
