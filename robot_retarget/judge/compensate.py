@@ -102,11 +102,13 @@ def _normal(before: float, here: float, after: float, count: int) -> Floats:
 GRIP = 0.5
 """Share of the friction that a grasp counts on [-]."""
 SQUEEZE = 0.05
-"""P over the weight of the robot [-]: position servos yield to it by millimetres, as much as they err, and weak arms are not bent by it."""
+"""P over the weight of the robot [-]: position servos yield to it by millimetres, as much as they err, and weak arms are not bent by it.
+The box sample with a free box takes the OP3 27.2 J with half and 33.0 J with double (28.3), and the box is as near to its path."""
 TOUCH = RESTING
 """Surfaces of a plan this near to each other touch [m]."""
 SLIDING = 0.02
-"""A contact whose surfaces slide faster in the plan holds nothing: a hand on its way to its place [m/s]."""
+"""A contact whose surfaces slide faster in the plan holds nothing: a hand on its way to its place [m/s]. With half, the free box of the box
+sample on the OP3 is 29 instead of 8 mm off its path; with double as far as with this."""
 PRESSED = 0.05
 """β, weight of the squeeze against the residual wrench of a body [-]."""
 FORCE_RISE = 0.06
