@@ -164,7 +164,8 @@ def _least(margin: Floats) -> float | None:
 # Contacts with bodies that a simulation keeps: those of the plan, link by link, and when one is missing.
 
 LATE_CONTACT = 0.15
-"""A contact may begin and end later or earlier than planned by this time [s]."""
+"""A contact may begin and end later or earlier than planned by this time [s]: by .075 s, 0.6 % of the contacts of the box sample on the OP3 count
+as lost, in place of none."""
 
 MISSED = 0.5
 """A foot misses a body that it touches for less than this share of a planned stance [-]: half of it."""

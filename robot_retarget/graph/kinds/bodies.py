@@ -137,7 +137,8 @@ OWN = 1 + len(AXES)
 
 
 STEEP = 4
-"""Power of the strength with which π rises to that of a hard edge: half the way a hand follows the human's approach first."""
+"""Power of the strength with which π rises to that of a hard edge: half the way a hand follows the human's approach first. With 1 the jerk of the
+box sample on the OP3 is 36.5 in place of 15.6 rad/s³."""
 
 
 @dataclass(frozen=True)
