@@ -19,7 +19,7 @@ MOTION = read_motion(SAMPLES / "wave.bvh")
 
 
 def test_values_say_in_a_line_what_they_are() -> None:
-    report = simulate(SWING, OP3)
+    report = simulate(SWING, OP3, others=False)
     for value, parts in (
         (MOTION, ("wave.bvh", f"{MOTION.duration:.2f} s", f"{len(MOTION)} at", "joints")),
         (OP3, ("op3", "20 joints", "kg", "a free root")),
@@ -50,7 +50,7 @@ def test_data_frames_hold_the_same_numbers() -> None:
     places = MOTION.to_frame()
     joint = MOTION.skeleton.names[3]
     np.testing.assert_array_equal(places[joint].to_numpy(), MOTION.positions[:, 3])
-    report = simulate(SWING, OP3)
+    report = simulate(SWING, OP3, others=False)
     np.testing.assert_array_equal(report.to_frame()["measured"].to_numpy(), report.series["measured"])
 
 

@@ -21,7 +21,7 @@ def timeless(figures: Mapping[str, Any]) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def result() -> rr.Result:
-    return rr.retarget(rr.read_motion(CLIP).frames(0, 20), "op3")
+    return rr.retarget(rr.read_motion(CLIP).frames(0, 10), "op3")
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,7 @@ def report(result: rr.Result) -> rr.Report:
 
 def test_python_judges_as_the_command_line_does(result: rr.Result, report: rr.Report, tmp_path: Path) -> None:
     path = tmp_path / "clap.npz"
-    assert run("solve", CLIP, "--robot", "op3", "--frames", "0:20", "-o", path).returncode == 0
+    assert run("solve", CLIP, "--robot", "op3", "--frames", "0:10", "-o", path).returncode == 0
     told = json.loads(run("simulate", path, "--robot", "op3", "--draws", 2, "--json", "--quiet").stdout)
     assert report.badge.text == told["badge"]["text"]
     assert report.trajectory_sha256 == told["trajectory_sha256"]

@@ -28,14 +28,16 @@ def beside(height: float, moves: bool = True) -> Scene:
 
 
 def test_a_free_body_in_the_air_is_dropped_and_said_so() -> None:
-    report = rr.simulate(replace(STAND, scene=beside(0.6)), OP3, mode="free", objects="free", draws=0, compensate=False)
+    report = rr.simulate(
+        replace(STAND, scene=beside(0.6)), OP3, mode="free", objects="free", draws=0, others=False, compensate=False
+    )
     assert any("box is dropped at" in reason for reason in report.reasons)
 
 
 @pytest.mark.parametrize("mode", ["free", "pinned"])
 def test_a_free_body_on_the_floor_stays(mode: Stand) -> None:
     played = replace(STAND, scene=beside(0.05))
-    report = rr.simulate(played, OP3, mode=mode, objects="free", draws=0, compensate=False)
+    report = rr.simulate(played, OP3, mode=mode, objects="free", draws=0, others=False, compensate=False)
     assert report.figures["objects"]["box"]["dropped_s"] is None
     assert report.figures["objects"]["box"]["off_m"] < 0.005
 

@@ -74,7 +74,7 @@ def test_the_emulated_board_answers_a_level_robot(options: tuple[str, ...], tmp_
 
 
 def test_the_player_does_what_the_simulation_judged_with_feedback(tmp_path: Path) -> None:
-    report = rr.simulate(hold(OP3, 1.0), OP3, mode="free", draws=0, feedback=True)
+    report = rr.simulate(hold(OP3, 1.0), OP3, mode="free", draws=0, others=False, feedback=True)
     assert report.trajectory is not None
     plan = goal_plan(report.trajectory, OP3_MAP)
     assert plan.feedback is not None
@@ -90,7 +90,7 @@ def test_the_player_does_what_the_simulation_judged_with_feedback(tmp_path: Path
 
 
 def test_a_board_that_does_not_answer_is_refused_before_anything_moves(tmp_path: Path) -> None:
-    report = rr.simulate(hold(OP3, 0.2), OP3, mode="free", draws=0, feedback=True)
+    report = rr.simulate(hold(OP3, 0.2), OP3, mode="free", draws=0, others=False, feedback=True)
     assert report.trajectory is not None
     plan = goal_plan(report.trajectory, OP3_MAP)
     steps = ("--lockstep", str(plan.rate))
@@ -102,7 +102,7 @@ def test_a_board_that_does_not_answer_is_refused_before_anything_moves(tmp_path:
 
 
 def test_a_sensor_lost_on_the_way_fades_out_and_the_motion_ends(tmp_path: Path) -> None:
-    report = rr.simulate(hold(OP3, 1.0), OP3, mode="free", draws=0, feedback=True)
+    report = rr.simulate(hold(OP3, 1.0), OP3, mode="free", draws=0, others=False, feedback=True)
     assert report.trajectory is not None
     plan = goal_plan(report.trajectory, OP3_MAP)
     steps = ("--lockstep", str(plan.rate))
@@ -118,7 +118,7 @@ def test_a_stand_on_straight_legs_is_not_leant_and_the_motion_plays(tmp_path: Pa
     straight = np.array(OP3.standing())
     bent = [name.endswith(("_hip_pitch", "_knee", "_ank_pitch")) for name in OP3.joint_names]
     straight[OP3.qpos_index[bent]] *= 0.04
-    report = rr.simulate(hold(OP3, 0.2, qpos=straight), OP3, mode="free", draws=0, feedback=True)
+    report = rr.simulate(hold(OP3, 0.2, qpos=straight), OP3, mode="free", draws=0, others=False, feedback=True)
     assert report.trajectory is not None
     plan = goal_plan(report.trajectory, OP3_MAP)
     with emulated(tmp_path, "op3", "--lockstep", str(plan.rate)) as robot:
@@ -142,7 +142,7 @@ WRONG = {
 
 @pytest.mark.parametrize(("real", "message"), WRONG.values(), ids=WRONG)
 def test_a_test_lean_finds_a_wrong_mounting(real: ServoMap, message: str, tmp_path: Path) -> None:
-    report = rr.simulate(hold(OP3, 0.2), OP3, mode="free", draws=0, feedback=True)
+    report = rr.simulate(hold(OP3, 0.2), OP3, mode="free", draws=0, others=False, feedback=True)
     assert report.trajectory is not None
     plan, model = goal_plan(report.trajectory, OP3_MAP), str(SHIPPED / "op3" / "scene.xml")
     physics = ("--physics", "--model", model, "--lockstep", str(plan.rate))

@@ -128,7 +128,7 @@ def test_a_broken_limit_is_in_full_view_and_the_others_are_folded(page: Path) ->
 
 
 def test_limits_that_are_all_kept_are_one_line(tmp_path: Path) -> None:
-    report = simulate(hold(OP3, 0.2), OP3)
+    report = simulate(hold(OP3, 0.2), OP3, others=False)
     save_page(report, judged(report), tmp_path / "report.html")
     view, rest = folded((tmp_path / "report.html").read_text(encoding="utf-8"))
     every = rest.count('<tr><td class="yes"')
@@ -158,7 +158,7 @@ def test_a_longer_motion_is_shown_faster_in_as_many_pictures() -> None:
 
 
 def test_a_film_that_cannot_be_drawn_is_replaced_by_a_sentence(tmp_path: Path) -> None:
-    report = simulate(hold(OP3, 0.2), OP3)
+    report = simulate(hold(OP3, 0.2), OP3, others=False)
     save_page(report, judged(report), tmp_path / "report.html", film=Unavailable("pictures need Pillow"))
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "No film: pictures need Pillow." in text[: text.index("</header>")]
@@ -175,7 +175,7 @@ def test_the_dark_theme_knows_every_colour_of_the_charts(page: Path) -> None:
 
 def test_a_report_links_to_the_viewer_that_lies_beside_it(tmp_path: Path) -> None:
     still, beside = hold(OP3, 0.2), tmp_path / "viewer.html"
-    report = simulate(still, OP3)
+    report = simulate(still, OP3, others=False)
     assert report.trajectory is not None
     for there in (False, True):
         save_page(report, report.trajectory, tmp_path / "report.html", viewer=beside)
@@ -193,14 +193,14 @@ def test_what_people_called_their_files_is_only_text(tmp_path: Path) -> None:
     from dataclasses import replace
 
     named = replace(hold(OP3, 0.2), source="<script>alert(1)</script>")
-    report = simulate(named, OP3)
+    report = simulate(named, OP3, others=False)
     save_page(report, judged(report), tmp_path / "report.html")
     assert "<script" not in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
 def test_a_report_of_another_trajectory_is_refused(tmp_path: Path) -> None:
     with pytest.raises(TrajectoryError, match="of another trajectory"):
-        save_page(simulate(hold(OP3, 0.2), OP3), hold(OP3, 0.4), tmp_path / "report.html")
+        save_page(simulate(hold(OP3, 0.2), OP3, others=False), hold(OP3, 0.4), tmp_path / "report.html")
     assert not list(tmp_path.iterdir())
 
 
@@ -208,7 +208,7 @@ def test_a_simulation_that_broke_down_at_once_still_has_a_page(tmp_path: Path) -
     from dataclasses import replace
 
     moved = hold(OP3, 0.2)
-    report = simulate(moved, OP3)
+    report = simulate(moved, OP3, others=False)
     bare = replace(report, verdict="fail", reasons=("the simulation broke down at -1 s",), series={})
     save_page(bare, judged(report), tmp_path / "report.html")
     assert "broke down" in (tmp_path / "report.html").read_text(encoding="utf-8")

@@ -53,9 +53,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def opened(folder: Path) -> Iterator[Tab]:
     robot, motion = load_robot("op3"), read_motion(WAVE).frames(0, 60)
     trajectory = load_trajectory(folder / "wave.npz")
-    take = take_of(trajectory, robot, motion, report=simulate(trajectory, robot, mode="pinned"))
+    judge = partial(simulate, robot=robot, mode="pinned", others=False)
+    take = take_of(trajectory, robot, motion, report=judge(trajectory))
     session = Session(graph_of(motion, robot, trajectory), trajectory, folder / "EDITS.toml", folder / "EDITS.npz")
-    served = serve_viewer(Viewer((take,)), 0, session, partial(simulate, robot=robot, mode="pinned"))
+    served = serve_viewer(Viewer((take,)), 0, session, judge)
     thread = threading.Thread(target=served.forever, daemon=True)
     thread.start()
     with tab() as browser:

@@ -36,7 +36,7 @@ def moved(robot: Robot) -> Take:
     """An arm that swings into the trunk, with everything that can be said of it."""
     trajectory = resample(swing(robot, ARM[robot.name], 0.9, 0.5, 2.0), robot, 20)
     motion = read_motion(CLIP)
-    report = simulate(trajectory, robot, mode="pinned")
+    report = simulate(trajectory, robot, mode="pinned", others=False)
     take = take_of(trajectory, robot, report=report)
     return Take(robot, trajectory, human_of(match(motion, robot), motion), take.warnings, report)
 
