@@ -22,7 +22,7 @@ from robot_retarget.robot.model import assumed_speed_notes
 from robot_retarget.scene import Scene
 from robot_retarget.scores.likeness import Likeness, likeness_of
 from robot_retarget.scores.plausibility import mismatch
-from robot_retarget.solver.balance.balance import balance_modes, in_balance
+from robot_retarget.solver.balance.balance import balance_modes, in_balance, require_playable
 from robot_retarget.solver.balance.balanced_ik import BalanceOptions
 from robot_retarget.solver.balance.playback import Balanced, expected_steps
 from robot_retarget.solver.one_thread import ONE_THREAD
@@ -175,8 +175,10 @@ def solve(
     modes = balance_modes(graph.robot, legs, balance)
     graph = graph.balanced(BalanceOptions().speed) if modes else graph.unbalanced()  # the playback is no faster
     draft, planting = progress, None
-    if modes and progress:
-        draft, planting = consecutive(progress, expected_steps(graph))
+    if modes:
+        require_playable(graph, legs)
+        if progress:
+            draft, planting = consecutive(progress, expected_steps(graph))
     solution = solve_graph(graph, options=options, search=search, smoothing=smoothing, progress=draft)
     doubt = mismatch(graph.human, graph.robot, solution.trajectory.qpos, graph.motion.source)
     chosen = graph.mapped or any(track.kind.by_user for track in graph.tracks)

@@ -122,6 +122,24 @@ class Attempt:
         return figures | {"reasons": "; ".join(self.reasons)}
 
 
+def require_playable(graph: RobotGraph, legs: str) -> None:
+    """Check, before anything is solved, that a robot can play a motion standing.
+
+    Raises:
+        BalanceError: the robot has fewer than two feet, the motion has one frame, or `legs` is `follow`, and the motion leaves the
+            feet.
+    """
+    if len(graph.match.anatomy.soles) < 2:
+        raise BalanceError(f"{graph.robot.name} has no two feet to stand on: do without balance (balance 'off')")
+    if len(graph) < 2:
+        raise BalanceError("a motion of one frame has no playback: take more frames, or use balance 'off'")
+    if legs == "follow" and graph.human.not_standing:
+        raise BalanceError(
+            f"{graph.human.not_standing}: a robot that stands free cannot play that; keep both feet on the floor (legs "
+            "'stand'), or do without balance (balance 'off')"
+        )
+
+
 def in_balance(
     graph: RobotGraph, draft: Solution, legs: str, modes: tuple[str, ...], progress: Progress | None = None
 ) -> Played:
@@ -133,15 +151,7 @@ def in_balance(
         legs: `auto`, `follow` or `stand`.
         modes: of balance, in order of preference.
         progress: receives (steps done, steps in all).
-
-    Raises:
-        BalanceError: the motion leaves the floor, something holds the human up, the robot has fewer than two feet, or the motion
-            has one frame.
     """
-    if len(graph.match.anatomy.soles) < 2:
-        raise BalanceError(f"{graph.robot.name} has no two feet to stand on: do without balance (balance 'off')")
-    if len(graph) < 2:
-        raise BalanceError("a motion of one frame has no playback: take more frames, or use balance 'off'")
     ik, count, tried = BalancedIk(graph), Count(progress, expected_steps(graph)), list[Attempt]()
     for attempt in _ways(ik, draft, legs, modes):
         tried.append(attempt if attempt.reasons else _tried(ik, attempt, count))
@@ -165,20 +175,11 @@ def in_balance(
 
 
 def _ways(ik: BalancedIk, draft: Solution, legs: str, modes: tuple[str, ...]) -> Iterator[Attempt]:
-    """Yield the ways to play a clip, the most human-like first and one without limits last.
-
-    Raises:
-        BalanceError: `legs` is `follow`, and the motion leaves the feet.
-    """
+    """Yield the ways to play a clip, the most human-like first and one without limits last."""
     graph, qpos = ik.graph, draft.trajectory.qpos
     if legs != "stand":
         if not graph.human.not_standing:
             yield from _steps(ik, qpos, modes, auto=legs == "auto")
-        elif legs == "follow":
-            raise BalanceError(
-                f"{graph.human.not_standing}: a robot that stands free cannot play that; keep both feet on the floor (legs "
-                "'stand'), or do without balance (balance 'off')"
-            )
         else:
             yield Attempt("follow", modes[0], reasons=(graph.human.not_standing,))
         turning = _standing(ik, qpos, turning=True)
