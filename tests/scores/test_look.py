@@ -86,12 +86,11 @@ def test_a_robot_that_cannot_cross_its_arms_is_not_doubted() -> None:
 ROBOTS = {
     "op3": Path("op3"),
     "g1": SHARED / "robots/unitree_g1/unitree_g1.xml",
-    "t1": SHARED / "robots/booster_t1/booster_t1.xml",
 }
 
 
 @needs_shared
-@pytest.mark.parametrize(("name", "clip"), [("op3", "walk"), ("g1", "squat"), ("t1", "walk")])
+@pytest.mark.parametrize(("name", "clip"), [("op3", "walk"), ("g1", "squat")])
 def test_a_robot_taken_back_to_front_is_refused_unless_the_map_insists(
     name: str, clip: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -26,7 +26,7 @@ def noisy(noise: float, seed: int) -> Motion:
 def jerk(noise: float, seed: int = 0) -> float:
     """Root mean square of the joints' third differences [rad/s³] with a noise of the points [m]."""
     robot = load_robot("op3")
-    trajectory = retarget(noisy(noise, seed).frames(0, 60), robot, balance="off").trajectory
+    trajectory = retarget(noisy(noise, seed).frames(0, 40), robot, balance="off").trajectory
     q = trajectory.qpos[:, robot.qpos_index]
     return float(np.sqrt((np.diff(q, 3, axis=0) ** 2).mean()) * trajectory.fps**3)
 
