@@ -19,7 +19,7 @@ from robot_retarget.trajectory import Trajectory
 
 DOWN = RESTING
 """Sole points of a touching foot this near to the floor carry it [m]."""
-FLAT = 1e-9
+COLLINEAR = 1e-9
 """Corners nearer than this to a line are on it [m]: rounding."""
 SMOOTH = 0.05
 """Of the momenta of a plan [s]: of a walk on the OP3 the 99th percentile of the torques is 0.77 of the limits with
@@ -111,11 +111,11 @@ def _inside(corners: Floats, places: Floats) -> Floats:
     """Return (M,) distances of places (M, 2) inside the hull of corners (K, 2): its edges have no corner to their right."""
     way = corners - corners[:, None]
     size = np.hypot(way[..., 0], way[..., 1])
-    inward = leftward(way) / np.maximum(size, FLAT)[..., None]
+    inward = leftward(way) / np.maximum(size, COLLINEAR)[..., None]
     start = (inward * corners[:, None]).sum(axis=-1)
     over = inward @ corners.T - start[..., None]
-    edges = (size > FLAT) & (over.min(axis=-1) > -FLAT)
-    if not (over[edges] > FLAT).any():  # a point or a line has no inside
+    edges = (size > COLLINEAR) & (over.min(axis=-1) > -COLLINEAR)
+    if not (over[edges] > COLLINEAR).any():  # a point or a line has no inside
         return -_from_line(corners, places)
     return (inward[edges] @ places.T - start[edges][:, None]).min(axis=0)
 
