@@ -21,7 +21,7 @@ OTHER = 0.1
 """... and the other parts within this one: half and double find the same in two claps and a bow."""
 FAINT = 0.02
 """A pair of at most this strength does not touch [-]: a hand that swings past a hip. Half and double move 38 and 328 of
-5800 frames and pairs in a bow."""
+5800 frames and pairs in the clip of a bow."""
 TOUCHED = ("head", "l_hip", "r_hip", "l_knee", "r_knee", "pelvis")
 """Parts that a hand touches, in addition to the other hand. Other pairs, as an elbow and a hand, pass each other closely."""
 BRIEF = 0.2

@@ -84,7 +84,8 @@ _SPREAD = np.vstack([np.zeros(3), np.eye(3)])
 
 
 FADE = 0.2
-"""The priority of an added edge rises from 0 before its frames, and falls to 0 after them, within this time [s]."""
+"""The priority of an added edge rises from 0 before its frames, and falls to 0 after them, within this time [s]. The
+OP3 that waves, a hand at its head for half a second, has a jerk of 155 rad/s³ with half and 131 with double (151)."""
 SOFT_PRIORITY = 100.0
 """Default priority of a soft edge, over the squared leg [-]: the hand of a wave, drawn to 0.05 m from the head of the
 OP3, comes to 0.135 m in the mean with half and to 0.116 m with this; its limbs are off by 26.9 and 29.4°."""

@@ -28,8 +28,8 @@ ONE_PLACE = 0.1
 """Places nearer than this share of a limb or sole are the same: mirrored hinge lines and ends, heights at which limbs
 start or end, the middle of a sole and its ankle [-]. Half and double recognise the same in eight robots."""
 SOLE = 0.01
-"""Points of a foot within this height above its lowest one belong to the sole [m]: half moves the toes of the Berkeley
-Humanoid by 4 mm, and double by 6 mm."""
+"""Points of a foot within this height above its lowest one belong to the sole [m]: half moves the toes of the robot
+Berkeley Humanoid by 4 mm, and double by 6 mm."""
 HAND_SHARE = 0.8
 """Without a wrist joint the wrist is put at this share of the way from the elbow to the end of the arm: half moves the
 hands of the OP3 by 6 cm."""

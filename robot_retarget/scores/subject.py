@@ -29,7 +29,7 @@ from robot_retarget.trajectory import Trajectory
 
 COUNT = 80
 """A sole is sampled by at most this many points, evenly in the order of the model's vertices: half gives the same skate
-of three clips, double 0.03 for 0.06 cm/s of one."""
+of three clips, double 0.03 in place of 0.06 cm/s of one."""
 
 
 _ROUND = (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_CYLINDER)
