@@ -21,7 +21,7 @@ from itertools import pairwise
 from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parents[2] / "robot_retarget"
-MOST = 188
+MOST = 187
 """Numbers without a source; a change that adds one removes or explains another, and one that explains more lowers this number."""
 FACTS = (
     "papers/",

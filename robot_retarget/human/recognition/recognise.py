@@ -238,7 +238,7 @@ SILENT = 0.65
 """Confidence in a joint whose name is silent and that no other rivals. Half and double recognise clips of 13 exporters alike."""
 ODDS = 4.0
 """Of two rivals the better one is right with the odds e^(LEAD · lead): even ones as often as not, by a lead of 0.5 7 in 8 times.
-Half changes the sureness of joints in 8 of 34 clips and double in 2, by neither is another joint chosen."""
+Half changes the sureness of joints in 8 of 34 clips, and double in 2."""
 
 
 @dataclass(frozen=True)
