@@ -7,7 +7,7 @@ highest difference: its half-bandwidth is the order times the number of directio
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -37,6 +37,10 @@ class DifferenceCosts:
         return cls(
             factors, *(np.broadcast_to(side, (frames, side.shape[-1]))[centre] for side in (costs.weight, costs.bend))
         )
+
+    def at_rate(self, share: float) -> "DifferenceCosts":
+        """Return the costs of the same motion at `share` times the frame rate."""
+        return replace(self, weight=self.weight * share ** (2 * self.order), bend=self.bend / share**self.order)
 
     @property
     def order(self) -> int:

@@ -64,20 +64,20 @@ def _window_poses(
     the path misses its foothold. Hard edges of a user count as soft ones until then.
     """
     problem, tracks = solver.problem, solved_tracks(solver, graph, coarse, fixed)
-    clip = clip_of(solver, tracks, smoothing, graph.fps, fixed)
+    clip = clip_of(solver, targets_of(tracks), smoothing, graph.fps, fixed)
     minimum = ClipMinimum(replace(clip, all_targets=problem.eased(clip.all_targets)), coarse)
     for number, steps in enumerate(smoothing.rounds, 1):
         minimum.take(steps, count)
         placed_tracks = _reachable_tracks if number == len(smoothing.rounds) else solved_tracks
         tracks = placed_tracks(solver, graph, minimum.qpos, fixed)
-        clip = clip_of(solver, tracks, smoothing, graph.fps, fixed)
+        clip = clip_of(solver, targets_of(tracks), smoothing, graph.fps, fixed)
         minimum.renew(replace(clip, all_targets=problem.eased(clip.all_targets)))
     if problem.by_user.size:
         minimum.take(smoothing.steps, count)
         minimum.renew(clip)
         minimum.take(smoothing.steps, count)
         tracks = _reachable_tracks(solver, graph, minimum.qpos, fixed)
-        clip = clip_of(solver, tracks, smoothing, graph.fps, fixed)
+        clip = clip_of(solver, targets_of(tracks), smoothing, graph.fps, fixed)
         minimum.renew(clip)
         if problem.missed(minimum.qpos, problem.eased(clip.all_targets)).max() > UNMET:  # they drag the feet
             minimum.renew(replace(clip, all_targets=problem.within_reach(minimum.qpos, clip.all_targets)))

@@ -13,6 +13,7 @@ which has the band of H. Predictor and corrector of [Mehrotra1992] share its fac
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -97,8 +98,8 @@ class StepProgram:
             room.hinges,
         )
         parts = rows.lower, room.lower, -room.upper, room.slower, -room.faster
-        self._ends = np.cumsum([part.size for part in parts])[:-1]
-        self._shapes = [part.shape for part in parts]
+        ends = np.cumsum([0, *(part.size for part in parts)]).tolist()
+        self._parts = [(slice(*own), part.shape) for own, part in zip(pairwise(ends), parts, strict=True)]
         self.lower = np.concatenate([part.ravel() for part in parts])
         self.give = np.full(len(self.lower), 1 / PRICE)
         self.give[: rows.lower.size] = np.where(rows.links, ALONE_GIVE, 1.0).ravel() / rows.price.ravel()
@@ -136,8 +137,7 @@ class StepProgram:
             pushed = np.where(links, barrier / (deepest + beyond - rows.lower), 0.0)
             strong = pushed.sum(axis=1, keepdims=True) > rows.shared * (deepest + beyond)
             least, most = np.where(strong, beyond, least), np.where(strong, most, beyond)
-        own = self._split(force)[0]
-        own[links] = pushed[links]
+        self._rows(force)[links] = pushed[links]
         return force, self._given(force) - self.lower
 
     def _newton(self, system: BandedSystem, x: Floats, force: Floats, slack: Floats) -> tuple[Floats, Floats, Floats]:
@@ -172,22 +172,23 @@ class StepProgram:
 
     def _given(self, force: Floats) -> Floats:
         """G z."""
-        given = self.give * force
-        own = self._split(given)[0]
-        own += self.rows.links * (self.rows.links * self._split(force)[0]).sum(axis=1, keepdims=True) / self.rows.shared
+        given, links = self.give * force, self.rows.links
+        own = self._rows(given)
+        own += links * (links * self._rows(force)).sum(axis=1, keepdims=True) / self.rows.shared
         return given
 
     def _weighted(self, stiff: Floats, pull: Floats) -> Floats:
         """W y, by the formula of Sherman and Morrison for each frame."""
         found = stiff * pull
-        own, shared = self._split(found)[0], self.rows.links * self._split(stiff)[0]
+        own, shared = self._rows(found), self.rows.links * self._rows(stiff)
         whole = (self.rows.links * own).sum(axis=1, keepdims=True)
         own -= shared * whole / (self.rows.shared + shared.sum(axis=1, keepdims=True))
         return found
 
     def _constrained(self, x: Floats) -> Floats:
         """C x."""
-        changes = np.diff(x[:, self.hinges], axis=0, prepend=0.0)
+        changes = x[:, self.hinges]
+        changes[1:] -= x[:-1, self.hinges]
         rows = (self.rows.slope @ x[..., None])[..., 0]
         return np.concatenate([part.ravel() for part in (rows, x, -x, changes, -changes)])
 
@@ -220,6 +221,10 @@ class StepProgram:
         ]
         system.factor(blocks, [first - change[1:], *others])
 
+    def _rows(self, every: Floats) -> Floats:
+        """Return the view (T, R) of the values of rows."""
+        return every[: self.rows.lower.size].reshape(self.rows.lower.shape)
+
     def _split(self, every: Floats) -> list[Floats]:
         """Return the values of rows, boxes and changes, each in its shape."""
-        return [part.reshape(shape) for part, shape in zip(np.split(every, self._ends), self._shapes, strict=True)]
+        return [every[own].reshape(shape) for own, shape in self._parts]

@@ -13,15 +13,16 @@ import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, Ints, smoothstep
 from robot_retarget.base.progress import Count
-from robot_retarget.graph.track import SECOND_DIFFERENCE, THIRD_DIFFERENCE, Status, Track
+from robot_retarget.graph.track import SECOND_DIFFERENCE, THIRD_DIFFERENCE, Status
 from robot_retarget.robot.kinematics import SweptConfiguration, difference, integrate, swept_configurations
 from robot_retarget.solver.banded import BandedSystem, DifferenceCosts, FrameCoupling
 from robot_retarget.solver.clip_step import ABSENT, PRICE, Room, StepProgram, StepRows
 from robot_retarget.solver.descent import FrameSolution
-from robot_retarget.solver.limits import JointBounds, Targets, targets_of
+from robot_retarget.solver.limits import JointBounds, Targets
+from robot_retarget.solver.near_links import NearLinks
 from robot_retarget.solver.options import Smoothing
 from robot_retarget.solver.quadratic import Quadratic, diagonal
-from robot_retarget.solver.smooth import within_speeds
+from robot_retarget.solver.speeds import within_speeds
 from robot_retarget.solver.sqp import FrameSolver
 
 # In brackets: the change of the cost [%] with half and with double of a number, the range over two clips on the G1 and two on the OP3.
@@ -63,16 +64,13 @@ class ClipProblem:
     differences: tuple[DifferenceCosts, ...]
     bounds: JointBounds
     """(T, n) of the hinges."""
+    reach: Floats
+    """(T, n) how far the hinges turn from the frame before [rad]."""
     fps: float
     fixed: int = 0
 
     def __len__(self) -> int:
         return len(self.all_targets)
-
-    @property
-    def reach(self) -> Floats:
-        """(T, n) how far the hinges turn from the frame before [rad]."""
-        return self.bounds.speed / self.fps
 
     def limited(self, qpos: Floats) -> Floats:
         """Return configurations (T, nq) with their hinges within ranges and joint speeds; fixed frames stay."""
@@ -83,24 +81,22 @@ class ClipProblem:
         return found
 
 
-def clip_of(
-    solver: FrameSolver, tracks: Sequence[Track], smoothing: Smoothing, fps: float, fixed: int = 0
-) -> ClipProblem:
-    """Assemble a clip from tracks.
+def clip_of(solver: FrameSolver, targets: Targets, smoothing: Smoothing, fps: float, fixed: int = 0) -> ClipProblem:
+    """Assemble a clip from the targets of its frames.
 
     Args:
         solver: measures single frames.
-        tracks: targets and temporal costs of T frames.
+        targets: of T frames, those of temporal costs included.
         smoothing: options of the steps.
         fps: frames per second [1/s].
         fixed: number of first frames that are known.
     """
-    targets, limits = targets_of(tracks), solver.problem.limits
-    orders = {2: SECOND_DIFFERENCE, 3: THIRD_DIFFERENCE}
+    limits, orders = solver.problem.limits, {2: SECOND_DIFFERENCE, 3: THIRD_DIFFERENCE}
     differences = tuple(
         DifferenceCosts.of(k, limits.differences(targets, stencil), len(targets)) for k, stencil in orders.items()
     )
-    return ClipProblem(solver, targets, smoothing, differences, limits.bounds(targets), fps, fixed)
+    bounds = limits.bounds(targets)
+    return ClipProblem(solver, targets, smoothing, differences, bounds, bounds.speed / fps, fps, fixed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,8 +142,12 @@ class ClipMinimum:
     clip: ClipProblem
     taken: int
 
-    def __init__(self, clip: ClipProblem, start: Floats):
-        """Begin at configurations (T, nq), brought within ranges and joint speeds; the first `fixed` stay unchanged."""
+    def __init__(self, clip: ClipProblem, start: Floats, near: NearLinks | None = None):
+        """Begin at configurations (T, nq), brought within ranges and joint speeds; the first `fixed` stay unchanged.
+
+        Args:
+            near: distances of links that are known, of the first frames that move.
+        """
         self.clip, self.qpos, count = clip, clip.limited(start), len(clip) - clip.fixed
         self.damping = np.full(count, clip.solver.options.damping)
         self.moved = np.full(count, np.inf)
@@ -155,7 +155,7 @@ class ClipMinimum:
         """The frames after which links would pass through each other."""
         self.taken = 0
         self._couple()
-        self.model = self._linearised(self.qpos, None)
+        self.model = self._linearised(self.qpos, near)
         self.gained = self.model.total
 
     def renew(self, clip: ClipProblem) -> None:
@@ -166,7 +166,7 @@ class ClipMinimum:
         frames = np.flatnonzero(changed)
         if frames.size:
             own = self.model.frames
-            found = self._frames(self.qpos, frames, own)
+            found = self._frames(self.qpos, frames, own.near)
             own.put(frames, found, np.ones(len(frames), dtype=bool))
         before = self.model.total
         self.model = self._assembled(self.qpos, self.model.frames)
@@ -186,6 +186,11 @@ class ClipMinimum:
             count.advance(len(self.damping))
         return False
 
+    def step(self) -> None:
+        """Take one step without a check of the cost: the real-time iteration of [Diehl2005], from a path near the minimum."""
+        step, _ = self._minimised()
+        self.qpos[self.clip.fixed :] = integrate(self.clip.solver.robot, self.qpos[self.clip.fixed :], step)
+
     @property
     def _least(self) -> float:
         """The gain of a step that counts."""
@@ -203,7 +208,7 @@ class ClipMinimum:
         for _ in range(clip.smoothing.tries):
             path = self.qpos.copy()
             path[clip.fixed :] = integrate(robot, path[clip.fixed :], step)
-            trial = self._linearised(path, model)
+            trial = self._linearised(path, model.frames.near)
             rise = trial.cost - model.cost
             if trial.total < model.total:
                 self._adapt(np.where(rose, np.inf, model.surprise(step, trial.own)))
@@ -247,16 +252,15 @@ class ClipMinimum:
             reach[0] = ABSENT
         return Room(lower, upper, -reach - model.changes, reach - model.changes, robot.dof_index)
 
-    def _linearised(self, path: Floats, known: ClipModel | None) -> ClipModel:
+    def _linearised(self, path: Floats, near: NearLinks | None) -> ClipModel:
         """Return the model at a path (T, nq); distances of links measured nearby are extrapolated."""
-        every = np.arange(len(self.damping))
-        return self._assembled(path, self._frames(path, every, known and known.frames))
+        return self._assembled(path, self._frames(path, np.arange(len(self.damping)), near))
 
-    def _frames(self, path: Floats, frames: Ints, known: Quadratic | None) -> Quadratic:
+    def _frames(self, path: Floats, frames: Ints, near: NearLinks | None) -> Quadratic:
         """Return the models of some of the moving frames."""
         clip, own = self.clip, self.clip.fixed + frames
         ways = [_between(clip, path, t, self.through) for t in own.tolist()] if self.through else None
-        near = known and known.near.of(frames)
+        near = near and near.of(frames[frames < len(near)])
         return clip.solver.costs.linearize(path[own], clip.all_targets.at(own), ways, near)
 
     def _assembled(self, path: Floats, frames: Quadratic) -> ClipModel:

@@ -32,10 +32,20 @@ class NearLinks:
         self.slope = np.zeros((count, most, nv))
         """(N, C, nv) derivative of the distances by the tangent vector."""
 
+    def __len__(self) -> int:
+        return len(self.qpos)
+
     def of(self, frames: Ints) -> "NearLinks":
         """Return some of the frames."""
         found = NearLinks.__new__(NearLinks)
         found.qpos, found.deficit, found.slope = self.qpos[frames], self.deficit[frames], self.slope[frames]
+        return found
+
+    def followed_by(self, other: "NearLinks") -> "NearLinks":
+        """Return these frames and others after them."""
+        found = NearLinks.__new__(NearLinks)
+        for name in ("qpos", "deficit", "slope"):
+            setattr(found, name, np.concatenate([getattr(self, name), getattr(other, name)]))
         return found
 
     def replace(self, frames: Ints, other: "NearLinks", chosen: Bools) -> None:

@@ -154,7 +154,8 @@ class CostModel:
 
         Args:
             between: per frame, further configurations whose links have rows.
-            known: distances of links measured nearby; within `SolveOptions.distance_cache_radius` they are extrapolated along their slopes.
+            known: distances of links measured nearby, of the first frames; within `SolveOptions.distance_cache_radius` they are extrapolated
+                along their slopes.
         """
         self.work["linearised"] += len(q)
         total, gradient, normal = self._costs(q, targets)
@@ -190,6 +191,9 @@ class CostModel:
         if known is None:
             near = NearLinks.measured(q, self.measured(q, targets), self.most)
             return near, near.deficit.copy()
+        if len(known) < len(q):
+            added = np.arange(len(known), len(q))
+            known = known.followed_by(self._near(q[added], targets.at(added), None)[0])
         moved = difference(self.robot, known.qpos, q)
         deficit = known.deficit - np.einsum("tcv,tv->tc", known.slope, moved)
         touching = deficit.max(axis=1, initial=-np.inf) > 0.0

@@ -9,21 +9,22 @@ spring and a damper, m ẍ = −(x − y) − c ẋ, sampled exactly every h.
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import dataclass, replace
 from math import cos, exp, pi, sqrt
 
 import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, smoothstep
-from robot_retarget.graph.track import CAUSAL_DIFFERENCE, SECOND_DIFFERENCE, THIRD_DIFFERENCE, Status
+from robot_retarget.graph.track import CAUSAL_DIFFERENCE, THIRD_DIFFERENCE, Status
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solver.descent import Box, FrameSolution
 from robot_retarget.solver.limits import Targets
-from robot_retarget.solver.options import RealTime
+from robot_retarget.solver.minimum import ClipMinimum, ClipProblem, clip_of
+from robot_retarget.solver.near_links import NearLinks
+from robot_retarget.solver.one_thread import ONE_THREAD
+from robot_retarget.solver.options import RealTime, Smoothing
 from robot_retarget.solver.quadratic import Proximal
-from robot_retarget.solver.smooth import smooth_offsets
 from robot_retarget.solver.sqp import FrameSolver
 
 # The home pose of a frame: the end of a descent from the standing pose, independent of the past.
@@ -228,10 +229,10 @@ def follower(options: RealTime, seconds: float) -> tuple[float, float]:
     return share / (1 - share), min(max(product / share, 0.0), 1.0) if share > 0 else 0.0
 
 
-# Fixed-lag smoothing: a pose is returned some frames late, moved to the smooth path through the frames after it.
+# A lag: the frames that wait are a short clip after the poses that were returned.
 
 GIVEN = len(THIRD_DIFFERENCE) - 1
-"""Number of returned poses that fix the start of the path: third differences span as many more than the frame."""
+"""Number of returned poses before the frames that wait: third differences span as many more than the frame."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,48 +247,50 @@ class SolvedFrame:
 
 
 class FixedLag:
-    """Return poses `lag` frames late."""
+    """Return poses `lag` frames late: with every frame, the clip of those that wait takes a step towards its minimum."""
 
     solver: FrameSolver
     lag: int
-    robot: Robot
-    proximal: float
+    options: RealTime
+    fps: float
 
     def __init__(self, solver: FrameSolver, lag: int, options: RealTime, fps: float):
-        """Set the lag in frames; the solver's tracks define the second differences to be smoothed, at their frame rate [1/s]."""
-        self.solver, self.lag, self.robot, self.proximal, self.fps = solver, lag, solver.robot, options.drawn, fps
+        """Set the lag in frames, and the rate [1/s] at which the solver's tracks define differences."""
+        self.solver, self.lag, self.options, self.fps = solver, lag, options, fps
         self.waiting: deque[SolvedFrame] = deque()
-        self.given: deque[Floats] = deque(maxlen=GIVEN)
+        self.path: list[Floats] = []
+        """(nq,) of the poses that were returned last, at most `GIVEN`, and of the frames that wait."""
+        self.near: NearLinks | None = None
 
+    @ONE_THREAD
     def smoothed(self, newest: SolvedFrame) -> tuple[FrameSolution, float]:
-        """Return the oldest waiting pose, smoothed with the newest, and the time of its frame [s].
+        """Return the pose of the oldest waiting frame, and its time [s].
 
         Until `lag` frames wait, the first pose is returned repeatedly.
         """
         self.waiting.append(newest)
-        first = self.waiting[0]
-        if not self.given:
-            self.given.append(first.pose.qpos)
+        self.path = [*(self.path or [newest.pose.qpos]), newest.pose.qpos]
+        first, known = self.waiting[0], len(self.path) - len(self.waiting)
+        minimum = ClipMinimum(self._clip(known), np.array(self.path), self.near)
+        minimum.damping[-1] = self.options.drawn
+        minimum.step()
+        self.path, self.near = [*minimum.clip.limited(minimum.qpos)], minimum.model.frames.near
+        before = self.path[known - 1]
         if len(self.waiting) <= self.lag:
-            return first.pose, first.time
+            return replace(first.pose, qpos=before), first.time
+        pose = self.solver.closed(replace(first.pose, qpos=self.path[known]))
+        pose = self.solver.repaired(before, pose, first.targets)
         self.waiting.popleft()
-        pose = self._drawn(first, [solved.pose.qpos for solved in self.waiting])
-        self.given.append(pose.qpos)
+        self.path[known], self.near = pose.qpos, self.near.of(np.arange(1, len(self.near)))
+        self.path = self.path[-self.lag - GIVEN :]
         return pose, first.time
 
-    def _drawn(self, first: SolvedFrame, after: list[Floats]) -> FrameSolution:
-        before = self.given[-1]
-        path = [*self.given, first.pose.qpos, *after]
-        speed = np.array([difference(self.robot, a, b) for a, b in pairwise(path)])
-        limits = self.solver.problem.limits
-        smooth, jerk = (limits.differences(first.targets, each) for each in (SECOND_DIFFERENCE, THIRD_DIFFERENCE))
-        weight, known = self.proximal * smooth.inertia, len(self.given)
-        squared = (self.fps * np.mean([first.seconds, *(solved.seconds for solved in self.waiting)])) ** 2
-        stiffness = smooth.weight / (weight * squared**2), jerk.weight / (weight * squared**3)
-        offset = smooth_offsets(speed, stiffness[0], known, smooth.bend * squared, stiffness[1])[known]
-        box = self.solver.reachable(before, first.targets, first.seconds)
-        start, columns = integrate(self.robot, first.pose.qpos, offset), self.robot.qpos_index
-        start[columns] = np.clip(start[columns], box.lower, box.upper)
-        proximal = Proximal(start, np.zeros(len(offset)), weight)
-        pose = self.solver.real_time_step(start, first.targets, proximal, box, 1)
-        return self.solver.repaired(before, pose, first.targets)
+    def _clip(self, known: int) -> ClipProblem:
+        """Return the clip of the frames that wait, after a number of known ones."""
+        frames = [self.waiting[0]] * known + [*self.waiting]
+        sides = zip(*(vars(solved.targets).values() for solved in frames), strict=True)
+        seconds = np.minimum([solved.seconds for solved in frames], self.options.gap)
+        clip = clip_of(self.solver, Targets(*map(np.array, sides)), Smoothing(), 1 / seconds.mean(), known)
+        differences = tuple(each.at_rate(clip.fps / self.fps) for each in clip.differences)
+        seconds[known] = seconds[-1]  # this frame is returned now
+        return replace(clip, differences=differences, reach=clip.bounds.speed * seconds[:, None])

@@ -133,7 +133,7 @@ def test_a_robot_whose_links_were_held_apart_catches_up_within_its_joint_speeds(
     start[:, robot.qpos_index[robot.joint_names.index("head_pan")]] = np.interp(
         np.arange(len(graph)), [3, 15], [-1.4, 1.4]
     )
-    clip = clip_of(solver, graph.tracks, Smoothing(steps=0), 15.0)
+    clip = clip_of(solver, targets_of(graph.tracks), Smoothing(steps=0), 15.0)
     monkeypatch.setattr(minimum, "ROUNDS", 0)
     found = ClipMinimum(clip, start)
     given, poses = found.qpos[:, robot.qpos_index].copy(), found.finish(Count(None, 1))

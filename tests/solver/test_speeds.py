@@ -12,11 +12,12 @@ from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import describe
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot
+from robot_retarget.solver.limits import targets_of
 from robot_retarget.solver.minimum import clip_of
 from robot_retarget.solver.options import Smoothing
 from robot_retarget.solver.pipeline import retarget
-from robot_retarget.solver.smooth import within_speeds
 from robot_retarget.solver.solve import problem_of
+from robot_retarget.solver.speeds import within_speeds
 from robot_retarget.solver.sqp import FrameSolver
 
 
@@ -51,14 +52,14 @@ def test_no_path_that_keeps_speeds_is_nearer(seed: int) -> None:
 
 def test_the_speed_between_two_frames_is_that_of_the_later_one() -> None:
     graph = describe(read_motion(SAMPLES / "wave.bvh").frames(0, 5), load_robot("op3")).unbalanced()
-    clip, draw = clip_of(FrameSolver(problem_of(graph)), graph.tracks, Smoothing(), 30.0), np.random.default_rng(0)
-    robot = graph.robot
-    clip = replace(clip, bounds=replace(clip.bounds, speed=draw.uniform(1.0, 9.0, clip.bounds.speed.shape)))
+    robot, solver, draw = graph.robot, FrameSolver(problem_of(graph)), np.random.default_rng(0)
+    speed = draw.uniform(1.0, 9.0, (5, len(robot.joint_names)))
+    clip = replace(clip_of(solver, targets_of(graph.tracks), Smoothing(), 30.0), reach=speed / 30)
     qpos = np.tile(robot.standing(), (5, 1))
     qpos[:, robot.qpos_index] += draw.normal(scale=0.5, size=(5, len(robot.joint_names)))
     angles = clip.limited(qpos)[:, robot.qpos_index]
     turned = np.abs(np.diff(angles, axis=0)) * 30
-    assert (turned <= clip.bounds.speed[1:] + 1e-9).all() and (turned > 0.999 * clip.bounds.speed[1:]).any()
+    assert (turned <= speed[1:] + 1e-9).all() and (turned > 0.999 * speed[1:]).any()
     assert (angles >= robot.lower).all() and (angles <= robot.upper).all()
 
 

@@ -116,7 +116,7 @@ def test_frames_that_cannot_be_are_counted_and_answered_by_the_pose_before(robot
 def test_whatever_jumps_drops_out_repeats_or_comes_late_limits_hold(
     robot: Robot, wave: Motion, data: st.DataObject
 ) -> None:
-    stream, time, poses, times = known(robot, wave), 0.0, [], []
+    stream, time, poses, times = known(robot, wave, lag=data.draw(st.sampled_from([0, 3]))), 0.0, [], []
     for _ in range(40):
         time += data.draw(st.sampled_from([1 / 120, 1 / 60, 1 / 30, 0.3, 5.0]))
         if data.draw(st.integers(0, 4)) == 0:
@@ -138,16 +138,16 @@ def test_in_silence_the_robot_comes_to_rest(robot: Robot, wave: Motion) -> None:
     assert stream.hold(5.0).status is Status.HELD
 
 
-def test_a_lag_smooths_and_is_told_as_age(robot: Robot, wave: Motion) -> None:
-    plain, late = ([pose for pose in followed(known(robot, wave, lag), wave, range(len(wave)))] for lag in (0, 3))
+def test_a_stream_a_tenth_of_a_second_late_is_nearly_as_smooth_as_the_whole_clip(robot: Robot, wave: Motion) -> None:
+    part = wave.frames(0, 60)
+    late = followed(known(robot, part, lag=3), part, range(len(part)))
     assert np.allclose([pose.age for pose in late[3:]], 3 / 30)
+    whole = rr.solve(rr.describe(part, robot, fps=30), balance="off").trajectory.qpos
 
-    def jerk(poses: list[StreamPose]) -> float:
-        angles = np.array([pose.qpos for pose in poses])[3:, robot.qpos_index]
-        return float(np.sqrt((np.diff(angles, 3, axis=0) ** 2).mean())) * 30**3
+    def jerk(qpos: np.ndarray) -> float:
+        return float(np.sqrt((np.diff(qpos[:, robot.qpos_index], 3, axis=0) ** 2).mean()))
 
-    assert jerk(late) < 0.85 * jerk(plain)
-    within_limits(robot, np.array([pose.qpos for pose in late]), np.arange(len(late)) / 30)
+    assert jerk(np.array([pose.qpos for pose in late[3:]])) < 1.3 * jerk(whole)
 
 
 def test_the_rate_of_the_calibration_does_not_change_a_lag(robot: Robot, wave: Motion) -> None:

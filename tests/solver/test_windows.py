@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_retarget.base.files import SAMPLES
@@ -14,10 +14,10 @@ from robot_retarget.graph.footholds import foothold_corners
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot, world_points
 from robot_retarget.robot.support import sole_corners
+from robot_retarget.solver.limits import targets_of
 from robot_retarget.solver.minimum import ClipMinimum, clip_of
 from robot_retarget.solver.options import Smoothing, Windows
 from robot_retarget.solver.pipeline import Result, retarget
-from robot_retarget.solver.smooth import smooth_offsets
 from robot_retarget.solver.solve import problem_of
 from robot_retarget.solver.sqp import FrameSolver
 
@@ -44,19 +44,6 @@ def test_a_clip_little_longer_than_a_window_stays_whole() -> None:
     assert len(list(Windows(20.0, 1.0, 1.0).cut(660, 30.0))) == 1
 
 
-@settings(max_examples=30, deadline=None)
-@given(st.integers(5, 12), st.integers(1, 3), st.floats(0.01, 1e3), st.integers(0, 10**6))
-def test_fixed_frames_stay_while_the_rest_solves_the_dense_least_squares(
-    frames: int, fixed: int, stiffness: float, seed: int
-) -> None:
-    path = np.random.default_rng(seed).normal(size=(frames, 2))
-    bend = np.sqrt(stiffness) * np.diff(np.eye(frames), 2, axis=0)
-    free = np.vstack([np.eye(frames), bend])[:, fixed:]
-    wanted = np.linalg.lstsq(free, np.vstack([np.zeros_like(path), -bend @ path]), rcond=None)[0]
-    offsets = smooth_offsets(np.diff(path, axis=0), stiffness, fixed)
-    assert (offsets[:fixed] == 0).all() and np.allclose(offsets[fixed:], wanted, atol=1e-8)
-
-
 def test_a_stance_that_began_in_the_window_before_stays_where_it_was() -> None:
     corners = np.tile(np.array([[0.1, 0.05, 0], [0.1, -0.05, 0], [-0.1, 0.05, 0], [-0.1, -0.05, 0]]), (6, 1, 1))
     corners[2:, ..., 0] += 0.3  # the coarse path wanders off
@@ -72,7 +59,7 @@ def test_known_frames_stay_to_the_last_bit_though_they_miss_a_hard_edge_and_over
     while solver.depth(start[0]) < 0.01:
         start[:, arms] = draw.uniform(-1.5, 1.5, len(arms))
     start[0] = robot.standing()  # no joint turns so fast from here, and the way back is clear
-    clip = clip_of(solver, graph.tracks, Smoothing(steps=2), graph.fps, fixed=4)
+    clip = clip_of(solver, targets_of(graph.tracks), Smoothing(steps=2), graph.fps, fixed=4)
     qpos = np.array([pose.qpos for pose in ClipMinimum(clip, start).finish(Count(None, 1))])
     np.testing.assert_array_equal(qpos[:4], start[:4])
     assert (np.abs(qpos - start)[5:].max(axis=1) > 1e-3).all()  # the first may go back to the one before

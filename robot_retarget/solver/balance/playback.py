@@ -33,7 +33,7 @@ from robot_retarget.solver.descent import FrameSolution
 from robot_retarget.solver.limits import targets_of
 from robot_retarget.solver.minimum import ClipMinimum, clip_of
 from robot_retarget.solver.options import Smoothing
-from robot_retarget.solver.smooth import within_speeds
+from robot_retarget.solver.speeds import within_speeds
 from robot_retarget.trajectory import Trajectory
 
 # The time that a motion needs: it slows down if a joint, the zero moment point or a shift of weight needs more.
@@ -424,7 +424,7 @@ def played(ik: BalancedIk, clip: PlaybackClip, plan: PlaybackPlan, count: Count)
         count: receives the progress.
     """
     timeline, tracks = plan.timeline, _tracks(ik, clip, plan)
-    solver_clip = clip_of(ik.solver, tracks, Smoothing(), clip.fps)
+    solver_clip = clip_of(ik.solver, targets_of(tracks), Smoothing(), clip.fps)
     count.expect(round(EXPECTED_ROUNDS * len(plan.targets) * EXPECTED))
     poses = ClipMinimum(solver_clip, np.array(plan.targets)).finish(count)
     pressed = tread(ik.robot, np.array([pose.qpos for pose in poses]), timeline.fps, QUICK, plan.planes)

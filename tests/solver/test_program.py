@@ -1,34 +1,10 @@
-"""The smooth path against the dense least squares it stands for; the quadratic program against its own optimality."""
+"""The quadratic program of a frame against its own optimality."""
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from robot_retarget.base.arrays import Floats
 from robot_retarget.solver.compiled import QuadraticPrograms
-from robot_retarget.solver.smooth import smooth_offsets
-
-
-@settings(max_examples=40, deadline=None)
-@given(st.integers(3, 12), st.floats(0.01, 1e3), st.floats(0.0, 1e3), st.integers(0, 10**6))
-def test_offsets_solve_the_dense_least_squares(frames: int, stiffness: float, jerk: float, seed: int) -> None:
-    path = np.random.default_rng(seed).normal(size=(frames, 2))
-    bend, turn = (np.diff(np.eye(frames), order, axis=0) for order in (2, 3))
-    targets = np.random.default_rng(seed + 1).normal(size=(frames, 2))
-    stacked = np.vstack([np.eye(frames), np.sqrt(stiffness) * bend, np.sqrt(jerk) * turn])
-    wanted = [path, np.sqrt(stiffness) * targets[1:-1], np.zeros((len(turn), 2))]
-    least = np.linalg.lstsq(stacked, np.vstack(wanted), rcond=None)[0]
-    found = path + smooth_offsets(np.diff(path, axis=0), stiffness, bend=targets, jerk=jerk)
-    assert np.allclose(found, least, atol=1e-7)
-
-
-def test_a_straight_path_is_left_alone() -> None:
-    assert np.allclose(smooth_offsets(np.full((9, 3), 0.7), 100.0), 0.0)
-
-
-def test_fewer_than_three_frames_have_no_bend() -> None:
-    assert (smooth_offsets(np.ones((1, 4)), 5.0) == 0).all() and smooth_offsets(np.ones((0, 4)), 5.0).shape == (1, 4)
 
 
 def minimiser(h: Floats, g: Floats, a: Floats, least: Floats, lower: Floats, upper: Floats) -> Floats | None:
