@@ -64,7 +64,8 @@ def standing() -> Result:
 
 @pytest.fixture(scope="module")
 def squat() -> Result:
-    return rr.retarget(rr.read_motion(SAMPLES / "squat.bvh"), rr.load_robot("op3"), legs="follow", balance="static")
+    motion = rr.read_motion(SAMPLES / "squat.bvh").resample(15)
+    return rr.retarget(motion, rr.load_robot("op3"), legs="follow", balance="static")
 
 
 @pytest.fixture(scope="module")
