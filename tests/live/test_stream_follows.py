@@ -115,12 +115,12 @@ def test_ctrl_c_ends_a_stream_with_its_summary() -> None:
 
 
 def require_played(process: subprocess.Popen[str]) -> None:
-    """Wait until the last approach is over for half a second, however long the solver takes to begin."""
+    """Wait for twice the time of the last approach and half a second, however long the solver takes to begin."""
     lines, approach = Queue[str](), None
     Thread(target=lambda: [lines.put(line) for line in process.stderr or ()], daemon=True).start()
     while True:
         try:
-            line = lines.get(timeout=60 if approach is None else approach + 0.5)
+            line = lines.get(timeout=60 if approach is None else 2 * approach + 0.5)
         except Empty:
             assert approach is not None
             return
