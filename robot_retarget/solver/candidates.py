@@ -31,9 +31,6 @@ DEEP = 0.02
 """Links that are deeper in each other on the way between two moments pass through each other, over the leg [-]. With 0, four
 clips cost the same on the G1 and 0.99 of it on the OP3."""
 
-FOLLOWED_MOMENTS = 20
-"""Moments over which a pose is followed at most, unless it is the only one there: with 40 five clips cost the same on the G1 and on the OP3, with 10 two and three
-percent more [-]."""
 SHARES = (0.5,)
 """Shares of the way between two moments at which overlaps are measured [-]. With .2, .4, .6 and .8 seven clips cost the same
 on the G1 and six within 1 % on the OP3, at 1.4 times the measurements of links."""
@@ -182,16 +179,8 @@ class Candidates:
 
     def _follow(self, chains: "list[PoseChain]") -> None:
         """Take all chains from moment to moment, within the angles that the joints reach, until they meet known poses."""
-        for followed in itertools.count():
-            ahead = [(chain, chain.moment + chain.way) for chain in chains]
-            ahead = [
-                (c, m)
-                for c, m in ahead
-                if 0 <= m < len(self.frames) and (followed < FOLLOWED_MOMENTS or not self.poses[m])
-            ]
-            if not ahead:
-                break
-            chains, moments = map(list, zip(*ahead, strict=True))
+        while chains := [chain for chain in chains if 0 <= chain.moment + chain.way < len(self.frames)]:
+            moments = [chain.moment + chain.way for chain in chains]
             near = [(c.pose.qpos[self.hinges], self._reach(c.moment, m)) for c, m in zip(chains, moments, strict=True)]
             angles, reach = (np.array(side) for side in zip(*near, strict=True))
             box = self._ranges(np.array(moments)).around([(angles, reach)])
