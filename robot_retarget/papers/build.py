@@ -10,7 +10,7 @@ from robot_retarget.base.arrays import Floats, Ints
 from robot_retarget.base.errors import GraphError, UsageError
 from robot_retarget.graph.track import Track
 from robot_retarget.human.motion import Motion
-from robot_retarget.papers.edges import BONE, POSTURE, SEPARATION, SMOOTHNESS, PointKind, trace
+from robot_retarget.papers.edges import BONE, POSTURE, SEPARATION, PointKind, trace
 from robot_retarget.papers.evaluation import distances
 from robot_retarget.papers.points import PointGraph
 from robot_retarget.papers.skeletal import SkeletalStructure
@@ -197,25 +197,6 @@ def pair_edges(
     """
     ends = np.array([[graph.place(name) for name in pair] for pair in pairs], dtype=np.int64).reshape(-1, 2)
     return replace(graph, tracks=(edge_track(kind, graph, ends[:, 0], ends[:, 1], lower, upper, priority),))
-
-
-def smoothness_edges(vertices: Sequence[str], animation: ArrayLike, priority: float = 1.0) -> PointGraph:
-    """Return second differences of every object, δ = [0, ‖x^(t−1) − 2 x^t + x^(t+1)‖]: no rougher than the animation.
-
-    Args:
-        vertices: (V,) names.
-        animation: (T, V, K) [m].
-        priority: π of every edge.
-
-    Raises:
-        UsageError: there are fewer than three frames.
-    """
-    graph, x = empty(vertices, animation)
-    if len(x) < 3:
-        raise UsageError(f"second differences need three frames, got {len(x)}")
-    most, everyone = np.zeros(x.shape[:2]), np.arange(x.shape[1])
-    most[1:-1] = np.linalg.norm(np.diff(x, 2, axis=0), axis=-1)
-    return replace(graph, tracks=(edge_track(SMOOTHNESS, graph, everyone, everyone, 0.0, most, priority),))
 
 
 def solve_with_thresholds(

@@ -1,11 +1,14 @@
 """Links near each other at the frames of a clip: their distances, and which of them have rows."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, Ints
 from robot_retarget.graph.rows import ClipRows
+from robot_retarget.robot import Robot
+from robot_retarget.robot.kinematics import difference
 
 EQUAL = 1e-9
 """Rows whose distance and slope differ by less, in a fixed mixture, are one row [m]."""
@@ -31,6 +34,8 @@ class NearLinks:
         """(N, C) bound minus distance [m]."""
         self.slope = np.zeros((count, most, nv))
         """(N, C, nv) derivative of the distances by the tangent vector."""
+        self.before: NearLinks | None = None
+        """The measurements that those of the frames replaced; None where they are not kept."""
 
     def __len__(self) -> int:
         return len(self.qpos)
@@ -39,19 +44,23 @@ class NearLinks:
         """Return some of the frames."""
         found = NearLinks.__new__(NearLinks)
         found.qpos, found.deficit, found.slope = self.qpos[frames], self.deficit[frames], self.slope[frames]
+        found.before = self.before and self.before.of(frames)
         return found
 
     def followed_by(self, other: "NearLinks") -> "NearLinks":
-        """Return these frames and others after them."""
+        """Return these frames and others after them, without what their measurements replaced."""
         found = NearLinks.__new__(NearLinks)
+        found.before = None
         for name in ("qpos", "deficit", "slope"):
             setattr(found, name, np.concatenate([getattr(self, name), getattr(other, name)]))
         return found
 
-    def replace(self, frames: Ints, other: "NearLinks", chosen: Bools) -> None:
+    def replace(self, frames: Ints, other: "NearLinks", chosen: Bools | Ints) -> None:
         """Replace frames by the chosen ones of others."""
         for name in ("qpos", "deficit", "slope"):
             getattr(self, name)[frames] = getattr(other, name)[chosen]
+        if self.before is not None and other.before is not None:
+            self.before.replace(frames, other.before, chosen)
 
     @classmethod
     def measured(cls, qpos: Floats, found: ClipRows, most: int) -> "NearLinks":
@@ -60,11 +69,29 @@ class NearLinks:
         near._fill(foremost(found, most))
         return near
 
+    def keep(self, measurements: int) -> None:
+        """Keep a number of measurements that later ones replace."""
+        if measurements:
+            self.before = NearLinks(self.qpos, *self.slope.shape[1:])
+            self.before.keep(measurements - 1)
+
+    def measurements(self) -> Iterator["NearLinks"]:
+        """Yield these measurements, and those that they replaced."""
+        yield self
+        yield from self.before.measurements() if self.before is not None else ()
+
     def put(self, frames: Ints, qpos: Floats, found: ClipRows) -> None:
         """Store the links found at configurations (F, nq) of frames (F,), at most C of each."""
+        if self.before is not None:
+            self.before.replace(frames, self.of(frames), np.arange(len(frames)))
         self.qpos[frames], self.deficit[frames], self.slope[frames] = qpos, -np.inf, 0.0
         found = foremost(found, self.deficit.shape[1])
         self._fill(replace(found, frame=frames[found.frame]))
+
+    def at(self, robot: Robot, qpos: Floats) -> tuple[Floats, Floats]:
+        """Return how far the fastest joints are from the measurements (N,) [rad or m], and deficits (N, C) along their slopes [m]."""
+        moved = difference(robot, self.qpos, qpos)
+        return np.abs(moved).max(axis=1), self.deficit - np.einsum("tcv,tv->tc", self.slope, moved)
 
     def _fill(self, found: ClipRows) -> None:
         """Store links, which are in order, at frames without any."""

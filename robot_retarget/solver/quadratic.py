@@ -59,7 +59,7 @@ class Quadratic:
     rows: Floats
     """(N, R, nv + 1)."""
     row_lower: Floats
-    """(N, R)."""
+    """(N, R) bound minus distance [m]."""
     clearance_deficit: Floats
     """(N,) how much more than the tolerance the nearest links lack to their margin, over the leg."""
     penetrates_floor: Bools
@@ -167,7 +167,7 @@ class CostModel:
         rows[:, hard:, :nv], rows[:, hard:, nv] = near.slope, np.isfinite(apart)
         if between is not None:
             self._with_ways(q, between, targets, rows[:, hard:], apart)
-        row_lower[:, hard:], lacking = self.row_lower(apart), self.lacking(apart)
+        row_lower[:, hard:], lacking = apart, self.lacking(apart)
         total += self.options.overlap_cost * lacking**2
         penetrates_floor = deficit.max(axis=1, initial=0.0) > self.options.floor_tolerance
         return Quadratic(total, gradient, normal, rows, row_lower, lacking, penetrates_floor, near)
@@ -194,11 +194,10 @@ class CostModel:
         if len(known) < len(q):
             added = np.arange(len(known), len(q))
             known = known.followed_by(self._near(q[added], targets.at(added), None)[0])
-        moved = difference(self.robot, known.qpos, q)
-        deficit = known.deficit - np.einsum("tcv,tv->tc", known.slope, moved)
+        moved, deficit = known.at(self.robot, q)
         touching = deficit.max(axis=1, initial=-np.inf) > 0.0
         radius = np.where(touching, self.options.touching_cache_radius, self.options.distance_cache_radius)
-        stale = np.flatnonzero(np.abs(moved).max(axis=1) >= radius)
+        stale = np.flatnonzero(moved >= radius)
         if self.surfaces and stale.size:
             known.put(stale, q[stale], self.measured(q[stale], targets.at(stale)))
             deficit[stale] = known.deficit[stale]
@@ -229,6 +228,11 @@ class CostModel:
     def row_lower(self, deficit: Floats) -> Floats:
         """Return the least change (…) of distances with deficits (…) [m]; a tolerated deficit asks for none."""
         return np.where(deficit > self.options.tolerated * self.leg, deficit, np.minimum(deficit, 0.0))
+
+    def tolerant(self, row_lower: Floats) -> Floats:
+        """Return the bounds of rows (N, R) of a model, which ask for no change where links lack a tolerated deficit."""
+        hard = len(self.problem.inequalities)
+        return np.concatenate([row_lower[:, :hard], self.row_lower(row_lower[:, hard:])], axis=1)
 
     def lacking(self, deficit: Floats) -> Floats:
         """Return (…) how much the nearest links lack beyond the tolerance, over the leg, from deficits (…, C) [m]."""

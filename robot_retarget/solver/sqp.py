@@ -172,7 +172,7 @@ class FrameSolver:
             *self._bounds(q, radius[:, None], box),
         )
         self.costs.work["programs"] += len(q)
-        found, kept = self.programs.solve(*program, current.rows, current.row_lower)
+        found, kept = self.programs.solve(*program, current.rows, self.costs.tolerant(current.row_lower))
         return found[:, :-1], found[:, -1] / self.leg, kept
 
     def _curvature(self, gradient: Floats, normal: Floats, damping: Floats | float) -> tuple[Floats, Floats]:

@@ -1,12 +1,17 @@
-"""Generated instances of one frame, sensor networks and a stiff mesh, and starts without an animation."""
+"""Instances of the papers: sensor networks, a stiff mesh, smoothness, starts and choices of realizations."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robot_retarget.base.arrays import Floats
+from robot_retarget.base.errors import GraphError, UsageError
 from robot_retarget.graph.track import Objective
-from robot_retarget.papers.build import frame_edges
+from robot_retarget.papers.branch import Realizations
+from robot_retarget.papers.build import edge_track, empty, frame_edges
+from robot_retarget.papers.edges import SMOOTHNESS
 from robot_retarget.papers.evaluation import Reduced, intervals_of, operator
 from robot_retarget.papers.points import PointGraph
 from robot_retarget.papers.spectral import Spectral, minimise
@@ -126,3 +131,47 @@ def lifted_starts(graph: PointGraph, count: int, seed: int = 0, extra: int = 2) 
 def _middle(graph: PointGraph) -> Floats:
     lower, upper = graph.edges.lower, graph.edges.upper
     return (lower + np.where(np.isinf(upper), lower, upper)) / 2.0
+
+
+def smoothness_edges(vertices: Sequence[str], animation: ArrayLike, priority: float = 1.0) -> PointGraph:
+    """Return second differences of every object, δ = [0, ‖x^(t−1) − 2 x^t + x^(t+1)‖]: no rougher than the animation.
+
+    Args:
+        vertices: (V,) names.
+        animation: (T, V, K) [m].
+        priority: π of every edge.
+
+    Raises:
+        UsageError: there are fewer than three frames.
+    """
+    graph, x = empty(vertices, animation)
+    if len(x) < 3:
+        raise UsageError(f"second differences need three frames, got {len(x)}")
+    most, everyone = np.zeros(x.shape[:2]), np.arange(x.shape[1])
+    most[1:-1] = np.linalg.norm(np.diff(x, 2, axis=0), axis=-1)
+    return replace(graph, tracks=(edge_track(SMOOTHNESS, graph, everyone, everyone, 0.0, most, priority),))
+
+
+def nearest_realization(realizations: Realizations, previous: Floats) -> Floats:
+    """Return the realization nearest to an earlier posture (V, K), moved rigidly onto it: an animation, frame by frame.
+
+    Args:
+        realizations: the result of the search.
+        previous: (V, K) [m].
+
+    Raises:
+        GraphError: no realization exists.
+    """
+    if not len(realizations.positions):
+        raise GraphError("no realization meets the distances; widen the tolerance or sample more")
+    moved = [_onto(x, previous) for x in realizations.positions]
+    return min(moved, key=lambda x: float(((x - previous) ** 2).sum()))
+
+
+def _onto(x: Floats, target: Floats) -> Floats:
+    """x moved rigidly (without mirroring) as near to the target as possible [Kabsch1976]."""
+    a, b = x - x.mean(axis=0), target - target.mean(axis=0)
+    left, _, right = np.linalg.svd(a.T @ b)
+    sign = np.ones(len(left))
+    sign[-1] = np.sign(np.linalg.det(left @ right))
+    return a @ (left * sign) @ right + target.mean(axis=0)

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import paper_plots as draw
+from interacting_positions import interacting_positions
+from paper_instances import smoothness_edges
 from paper_scenes import meeting, reaching
 
 import robot_retarget as rr
@@ -22,8 +24,6 @@ from robot_retarget.papers import (
     solve_causally,
     stress,
 )
-from robot_retarget.papers.branch import interacting_positions
-from robot_retarget.papers.build import smoothness_edges
 from robot_retarget.papers.edges import INTERACTION
 
 Row = tuple[str, str, str]

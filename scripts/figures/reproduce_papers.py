@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import paper_plots as draw
-from paper_instances import lifted_starts, sensor_network, stiff_mesh
+from paper_instances import lifted_starts, nearest_realization, sensor_network, stiff_mesh
 from paper_scenes import (
     Crowd,
     clock,
@@ -45,7 +45,7 @@ from robot_retarget.papers import (
     stress,
     transfer_directions,
 )
-from robot_retarget.papers.branch import Branching, branch_and_prune, nearest_realization
+from robot_retarget.papers.branch import Branching, branch_and_prune
 from robot_retarget.papers.formation import links
 from robot_retarget.papers.skeletal import posture_cases, resized, table_one_body
 from robot_retarget.papers.solvers import PointSolution

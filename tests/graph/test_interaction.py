@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from interacting_positions import feasible_balls, interacting_positions
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.base.errors import GraphError, UsageError
 from robot_retarget.graph.interaction import pair_interaction
 from robot_retarget.papers import Interaction, interaction_distance
-from robot_retarget.papers.branch import feasible_balls, interacting_positions
 
 RNG = np.random.default_rng(11)
 

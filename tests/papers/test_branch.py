@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from paper_instances import lifted_starts, random_starts, sensor_network, stiff_mesh
+from paper_instances import lifted_starts, nearest_realization, random_starts, sensor_network, stiff_mesh
 from scipy.spatial.distance import pdist
 from small_graphs import graph_of
 
@@ -13,7 +13,6 @@ from robot_retarget.papers.branch import (
     branch_and_prune,
     discretization_order,
     intersect,
-    nearest_realization,
 )
 from robot_retarget.papers.evaluation import relative_errors
 from robot_retarget.papers.skeletal import realize, resized, table_one_body

@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from paper_instances import smoothness_edges
 from paper_scenes import meeting, team
 
 from robot_retarget.base.errors import UsageError
@@ -23,7 +24,6 @@ from robot_retarget.papers import (
     solve_with_thresholds,
     stress,
 )
-from robot_retarget.papers.build import smoothness_edges
 from robot_retarget.papers.edges import INTERACTION
 from robot_retarget.papers.solvers import PointSolution
 

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from paper_instances import smoothness_edges
 from small_graphs import table
 
 from robot_retarget.base.errors import GraphError, UsageError
 from robot_retarget.papers import PointGraph, SkeletalStructure, bone_edges, frame_edges, pair_edges, trace_edges
-from robot_retarget.papers.build import empty, motion_graph, smoothness_edges
+from robot_retarget.papers.build import empty, motion_graph
 from robot_retarget.papers.edges import INTERACTION
 from robot_retarget.papers.skeletal import structure_from_pose
 

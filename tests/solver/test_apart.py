@@ -19,7 +19,7 @@ from robot_retarget.solver import minimum
 from robot_retarget.solver.descent import FrameSolution
 from robot_retarget.solver.limits import targets_of
 from robot_retarget.solver.minimum import ClipMinimum, clip_of
-from robot_retarget.solver.near_links import foremost, tightest_rows
+from robot_retarget.solver.near_links import NearLinks, foremost, tightest_rows
 from robot_retarget.solver.options import Smoothing
 from robot_retarget.solver.pipeline import retarget
 from robot_retarget.solver.problem import build_problem
@@ -219,6 +219,16 @@ def test_a_waist_on_a_differential_turns_with_its_motors() -> None:
 def test_a_robot_without_equalities_has_no_coupling() -> None:
     coupling, pose = Coupling(load_robot("op3")), load_robot("op3").standing()
     assert not coupling.present and (coupling.close_chains(pose) == pose).all()
+
+
+def test_measurements_that_others_replace_stay_in_order_at_their_frames_alone() -> None:
+    poses, rows = np.zeros((3, 7)), ClipRows.of([None], 6)
+    near = NearLinks.measured(poses, rows, 4)
+    near.keep(2)
+    for angle in (1.0, 2.0, 3.0):
+        near.put(np.array([1]), np.full((1, 7), angle), rows)
+    kept = np.array([each.qpos[:, 0] for each in near.measurements()])
+    assert kept.tolist() == [[0.0, 3.0, 0.0], [0.0, 2.0, 0.0], [0.0, 1.0, 0.0]]
 
 
 def test_hands_that_clap_touch_and_do_not_pass_through_each_other() -> None:
