@@ -86,6 +86,22 @@ def test_a_pose_is_followed_until_a_change_to_the_cheapest_costs_less_than_its_e
         assert (found._longer(PoseChain(start, 0, 1), 1, pose) is not None) == goes_on
 
 
+def test_a_pose_of_less_cost_is_followed_to_the_other_end_of_a_clip_past_poses_of_other_basins() -> None:
+    """Four seconds of a human who stands still, where each moment knows a dearer pose."""
+    motion = read_motion(SAMPLES / "wave.bvh").frames(0, 1)
+    still = replace(motion, positions=np.repeat(motion.positions, 121, axis=0), rotations=None, whole=None)
+    graph = describe(still, load_robot("op3"), fps=30).unbalanced()
+    solver = FrameSolver(problem_of(graph))
+    found = Candidates(solver, graph, targets_of(coarse_tracks(graph)), np.arange(0, 121, 3), Search())
+    (cheap,) = found._reached([40])
+    aside = cheap.qpos.copy()
+    aside[solver.robot.qpos_index[[solver.robot.joint_names.index(f"{side}_sho_pitch") for side in "lr"]]] += 1.0
+    for known in found.poses:
+        known.append(replace(cheap, qpos=aside, cost=2 * cheap.cost))
+    found._follow([PoseChain(cheap, 40, -1)])
+    assert min(pose.cost for pose in found.poses[0]) <= 1.01 * cheap.cost
+
+
 def test_bridges_between_basins_are_within_reach_of_the_joints() -> None:
     found = filled(10, 1)
     base, hinges = found.solver.robot.standing(), found.hinges
