@@ -47,7 +47,7 @@ class FrameWindow:
 class SolveOptions:
     """Options of the sequential quadratic program of one frame. Lengths are shares of a leg.
 
-    In brackets: the cost of 2 s of a dance on the G1 with half and with double, measured with the passes that solved clips before 0.3.0; 76.34
+    In brackets: the cost of 2 s of a dance on the G1 with half and with double, measured with the passes that solved clips up to 0.3.0; 76.34
     with these options.
     """
 
@@ -91,7 +91,7 @@ class SolveOptions:
 class Search:
     """Options of the search for candidate poses over a clip; dynamic programming chooses a path among them.
 
-    In brackets: the cost of 2 s of a dance on the G1 with half and with double, measured with the passes that solved clips before 0.3.0; 76.34
+    In brackets: the cost of 2 s of a dance on the G1 with half and with double, measured with the passes that solved clips up to 0.3.0; 76.34
     with these options.
     """
 
