@@ -21,7 +21,7 @@ from robot_retarget.robot.contacts import ContactLog, Contacts
 from robot_retarget.robot.dynamics import root_dofs, velocities
 from robot_retarget.robot.timing import sample, sample_hinges
 from robot_retarget.scene.geoms import scene_geoms
-from robot_retarget.solver.speeds import within_speeds
+from robot_retarget.solver.limits import within_speeds
 from robot_retarget.trajectory import Trajectory
 
 # Goals as a player sends them: rate, delay, settling, and the limits of the servo map.

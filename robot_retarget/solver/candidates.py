@@ -20,10 +20,9 @@ from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import SweptConfiguration, difference, integrate
 from robot_retarget.robot.model import HINGE
 from robot_retarget.solver.descent import Box, FrameSolution
-from robot_retarget.solver.limits import Targets
+from robot_retarget.solver.limits import Targets, within_speeds
 from robot_retarget.solver.options import Search
 from robot_retarget.solver.quadratic import Between, Proximal
-from robot_retarget.solver.speeds import within_speeds
 from robot_retarget.solver.sqp import FrameSolver
 from robot_retarget.solver.starts import multistart, place_root, same_basin
 

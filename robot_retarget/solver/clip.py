@@ -10,9 +10,10 @@ from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.track import SECOND_DIFFERENCE, THIRD_DIFFERENCE, Form, Role, Track, concatenated
 from robot_retarget.robot.kinematics import difference, tangent_names
 from robot_retarget.solver.candidates import coarse_path
+from robot_retarget.solver.clip_model import clip_of
 from robot_retarget.solver.descent import FrameSolution
 from robot_retarget.solver.limits import targets_of
-from robot_retarget.solver.minimum import ClipMinimum, clip_of
+from robot_retarget.solver.minimum import ClipMinimum
 from robot_retarget.solver.options import Search, Smoothing
 from robot_retarget.solver.problem import UNREACHED, Problem
 from robot_retarget.solver.solution import UNMET

@@ -7,23 +7,20 @@ frames: one difficult frame slows down its neighbours only. Inequalities are pen
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from robot_retarget.base.arrays import Bools, Floats, Ints, smoothstep
 from robot_retarget.base.progress import Count
-from robot_retarget.graph.track import SECOND_DIFFERENCE, THIRD_DIFFERENCE, Status
+from robot_retarget.graph.track import Status
 from robot_retarget.robot.kinematics import SweptConfiguration, difference, integrate, swept_configurations
-from robot_retarget.solver.banded import BandedSystem, DifferenceCosts, FrameCoupling
+from robot_retarget.solver.banded import BandedSystem, FrameCoupling
+from robot_retarget.solver.clip_model import LEAST, ClipModel, ClipProblem
 from robot_retarget.solver.clip_step import ABSENT, PRICE, Room, StepProgram, StepRows
 from robot_retarget.solver.descent import FrameSolution
-from robot_retarget.solver.limits import JointBounds, Targets
 from robot_retarget.solver.near_links import NearLinks
-from robot_retarget.solver.options import Smoothing
 from robot_retarget.solver.quadratic import Quadratic, diagonal
-from robot_retarget.solver.speeds import within_speeds
-from robot_retarget.solver.sqp import FrameSolver
 
 # In brackets: the change of the cost [%] with half and with double of a number, the range over two clips on the G1 and two on the OP3.
 
@@ -40,17 +37,15 @@ GAINED = 10.0
 FLOOR_PRICE = 0.1
 """Price of a sole under the floor over that of links in each other [-]: the root is raised at the end (-0.1 … 0.4; -0.1 … 0.1)."""
 EARLIER = 3
-"""Measurements of links that a frame keeps besides its last: with 1, twelve clips take 0 … 1.2 times the factorisations, with 6
-0.9 … 1.3 times, and cost the same within 1 % ..."""
+"""Measurements of links that a frame keeps besides its last. Twelve clips on the OP3 and the G1 take 61, 54 and 52 linearisations and
+54, 52 and 55 factorisations a frame with 1, with this and with 6, at the same cost within 0.2 % ..."""
 DISTINCT = 0.1
-"""... and the share by which a slope differs from those of the present rows at least, to have a row of its own [-]: equal rows slow
-the program down. With .05, a clap on the OP3 takes 76 factorisations a frame, with .1 45, with .17 30; two clips on the G1 take 40,
-55 and 53."""
+"""... and the share by which a slope differs at least from those of the present rows, to have a row of its own [-]: equal rows slow
+the program down. A clap on the OP3 takes 97, 45 and 30 factorisations a frame with half, with this and with double, two clips on the
+G1 take 44, 50 and 49, of which double costs 0.2 % more."""
 TOUCHING_TRUST = 0.1
 """Trust region of a frame whose links lack their margin [rad]; twice this for the root [rad, m]: a hand of .05 m at the end of an arm of
 .5 m does not pass another one in a step. With .2, claps end 10 % dearer and on either side of their mirror image."""
-LEAST = 1e-6
-"""Least damping [1/rad²], and the least curvature of a frame over the cost of the clip: both prevent a division by 0."""
 EASIER = 4.0
 """Factor by which a frame's damping grows or shrinks in a step at most [-]; [Nielsen1999] has 3 for the latter ..."""
 STIFFER = 0.1
@@ -61,93 +56,11 @@ BESIDE = 0.2
 """... and time to the frames that keep all of it [s] (-0.1 … 0.4; -0.1 … 0)."""
 
 
-@dataclass(frozen=True, eq=False)
-class ClipProblem:
-    """The targets of consecutive frames of a graph; the first `fixed` of them are known."""
-
-    solver: FrameSolver
-    all_targets: Targets
-    smoothing: Smoothing
-    differences: tuple[DifferenceCosts, ...]
-    bounds: JointBounds
-    """(T, n) of the hinges."""
-    reach: Floats
-    """(T, n) how far the hinges turn from the frame before [rad]."""
-    fps: float
-    fixed: int = 0
-
-    def __len__(self) -> int:
-        return len(self.all_targets)
-
-    def limited(self, qpos: Floats) -> Floats:
-        """Return configurations (T, nq) with their hinges within ranges and joint speeds; fixed frames stay."""
-        found, hinges = qpos.copy(), self.solver.robot.qpos_index
-        angles = found[:, hinges].clip(self.bounds.lower, self.bounds.upper)
-        angles[: self.fixed] = found[: self.fixed, hinges]
-        found[:, hinges] = within_speeds(angles, self.reach[1:], self.fixed)
-        return found
-
-
-def clip_of(solver: FrameSolver, targets: Targets, smoothing: Smoothing, fps: float, fixed: int = 0) -> ClipProblem:
-    """Assemble a clip from the targets of its frames.
-
-    Args:
-        solver: measures single frames.
-        targets: of T frames, those of temporal costs included.
-        smoothing: options of the steps.
-        fps: frames per second [1/s].
-        fixed: number of first frames that are known.
-    """
-    limits, orders = solver.problem.limits, {2: SECOND_DIFFERENCE, 3: THIRD_DIFFERENCE}
-    differences = tuple(
-        DifferenceCosts.of(k, limits.differences(targets, stencil), len(targets)) for k, stencil in orders.items()
-    )
-    bounds = limits.bounds(targets)
-    return ClipProblem(solver, targets, smoothing, differences, bounds, bounds.speed / fps, fps, fixed)
-
-
-@dataclass(frozen=True, eq=False)
-class ClipModel:
-    """The clip linearised at a path."""
-
-    cost: Floats
-    """(M,) of the moving frames: their own, the differences about them, and penalties."""
-    own: Floats
-    """(M,) those of the frames without differences and joint speeds."""
-    gradient: Floats
-    """Half of that of the costs without penalties (M, nv)."""
-    frames: Quadratic
-    """The models of single frames."""
-    rows: StepRows
-    changes: Floats
-    """(M, n) of the hinges from the frame before [rad]."""
-
-    def surprise(self, step: Floats, own: Floats) -> Floats:
-        """Return (M,) by how much the costs of frames after a step (M, nv) exceed those of the model, over the model's curvature."""
-        frames, rows = self.frames, self.rows
-        bent = ((frames.normal @ step[..., None])[..., 0] * step).sum(axis=1)
-        pressed = rows.penalties(step) - rows.penalties()
-        model = self.own + 2 * (frames.gradient * step).sum(axis=1) + bent + pressed
-        return (own - model) / np.maximum(bent + np.abs(pressed), LEAST * self.typical)
-
-    @property
-    def total(self) -> float:
-        """The cost of the clip."""
-        return float(self.cost.sum())
-
-    @property
-    def typical(self) -> float:
-        """The cost of a clip of median frames: frames with hard edges out of reach do not count for more."""
-        return float(np.median(self.cost)) * len(self.cost)
-
-
 class ClipMinimum:
     """Steps towards the minimum of a clip."""
 
     qpos: Floats
     """(T, nq) the path."""
-    clip: ClipProblem
-    taken: int
 
     def __init__(self, clip: ClipProblem, start: Floats, near: NearLinks | None = None):
         """Begin at configurations (T, nq), brought within ranges and joint speeds; the first `fixed` stay unchanged.
@@ -181,7 +94,9 @@ class ClipMinimum:
 
     def take(self, steps: int, count: Count) -> bool:
         """Take a number of steps at most; return whether the minimum is reached: two steps in a row gain too little."""
-        counts = True
+        counts, near = True, self.model.frames.near
+        if near.before is None:
+            near.keep(EARLIER)
         for _ in range(steps):
             step, promised = self._minimised()
             if promised < self._least:
@@ -240,9 +155,7 @@ class ClipMinimum:
         model = self.model
         normal = np.array(model.frames.normal, order="C")
         diagonal(normal)[:] += self.damping[:, None]
-        smooth = self.damping.max() <= self.clip.solver.options.damping
-        rows = model.rows if smooth else self._rows(model.frames, self._earlier(model.frames))
-        program = StepProgram(model.gradient, normal, self.coupling, rows, self._room(model))
+        program = StepProgram(model.gradient, normal, self.coupling, self._with_earlier(model), self._room(model))
         gap, least = max(STARTING * model.typical, GAINED * self.gained), self._least
         step, gained, factors = program.minimised(self._system, gap, least)
         self.clip.solver.costs.work["factorised"] += factors * len(step)
@@ -271,10 +184,7 @@ class ClipMinimum:
         ways = [_between(clip, path, t, self.through) for t in own.tolist()] if self.through else None
         whole = near is not None and len(frames) == len(near)
         near = near if whole else near and near.of(frames[frames < len(near)])
-        found = clip.solver.costs.linearize(path[own], clip.all_targets.at(own), ways, near)
-        if found.near.before is None:
-            found.near.keep(EARLIER)
-        return found
+        return clip.solver.costs.linearize(path[own], clip.all_targets.at(own), ways, near)
 
     def _assembled(self, path: Floats, frames: Quadratic) -> ClipModel:
         """Add differences and penalties to the models of single frames."""
@@ -305,19 +215,22 @@ class ClipMinimum:
         price = np.where(links[place], shared, FLOOR_PRICE * shared)
         return StepRows(slope[place], lower[place], price, links[place], shared)
 
-    def _earlier(self, frames: Quadratic) -> list[tuple[Floats, Floats]]:
-        """Return slopes and deficits of links as measured nearby before, at frames that are damped, no deeper than they are now.
+    def _with_earlier(self, model: ClipModel) -> StepRows:
+        """Return the rows, and at damped frames those of links as measured nearby before, no deeper than they are now.
 
         A link that turns about an edge or a corner has other slopes on the other side: one linearisation alone leads back and forth.
         """
+        damped, frames = self.damping > self.clip.solver.options.damping, model.frames
+        if frames.near.before is None or not damped.any():
+            return model.rows
         hard, parts = len(self.clip.solver.problem.inequalities), []
         now = frames.row_lower[:, hard:].max(axis=1, initial=0.0)[:, None]
         for near in frames.near.measurements():
-            moved, deficit = near.at(self.clip.solver.robot, self.qpos[self.clip.fixed :])
-            nearby = (moved <= TOUCHING_TRUST) & (self.damping > self.clip.solver.options.damping)
-            other = nearby[:, None] & (_apart(near.slope, frames.rows[:, hard:, :-1]) > DISTINCT)
+            moved, deficit = near.extrapolated(self.clip.solver.robot, self.qpos[self.clip.fixed :])
+            nearby = (damped & (moved <= TOUCHING_TRUST))[:, None]
+            other = nearby & (_apart(near.slope, frames.rows[:, hard:, :-1]) > DISTINCT)
             parts.append((near.slope, np.where(other, np.minimum(deficit, now), -np.inf)))
-        return parts
+        return self._rows(frames, parts)
 
     def finish(self, count: Count) -> list[FrameSolution]:
         """Take steps to the minimum; return the frames within all limits: links apart between frames too, soles over the floor."""

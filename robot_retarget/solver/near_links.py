@@ -88,7 +88,7 @@ class NearLinks:
         found = foremost(found, self.deficit.shape[1])
         self._fill(replace(found, frame=frames[found.frame]))
 
-    def at(self, robot: Robot, qpos: Floats) -> tuple[Floats, Floats]:
+    def extrapolated(self, robot: Robot, qpos: Floats) -> tuple[Floats, Floats]:
         """Return how far the fastest joints are from the measurements (N,) [rad or m], and deficits (N, C) along their slopes [m]."""
         moved = difference(robot, self.qpos, qpos)
         return np.abs(moved).max(axis=1), self.deficit - np.einsum("tcv,tv->tc", self.slope, moved)

@@ -194,7 +194,7 @@ class CostModel:
         if len(known) < len(q):
             added = np.arange(len(known), len(q))
             known = known.followed_by(self._near(q[added], targets.at(added), None)[0])
-        moved, deficit = known.at(self.robot, q)
+        moved, deficit = known.extrapolated(self.robot, q)
         touching = deficit.max(axis=1, initial=-np.inf) > 0.0
         radius = np.where(touching, self.options.touching_cache_radius, self.options.distance_cache_radius)
         stale = np.flatnonzero(moved >= radius)

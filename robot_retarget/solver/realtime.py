@@ -18,9 +18,10 @@ from robot_retarget.base.arrays import Bools, Floats, smoothstep
 from robot_retarget.graph.track import CAUSAL_DIFFERENCE, THIRD_DIFFERENCE, Status
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
+from robot_retarget.solver.clip_model import ClipProblem, clip_of
 from robot_retarget.solver.descent import Box, FrameSolution
 from robot_retarget.solver.limits import Targets
-from robot_retarget.solver.minimum import ClipMinimum, ClipProblem, clip_of
+from robot_retarget.solver.minimum import ClipMinimum
 from robot_retarget.solver.near_links import NearLinks
 from robot_retarget.solver.one_thread import ONE_THREAD
 from robot_retarget.solver.options import RealTime, Smoothing
@@ -248,11 +249,6 @@ class SolvedFrame:
 
 class FixedLag:
     """Return poses `lag` frames late: with every frame, the clip of those that wait takes a step towards its minimum."""
-
-    solver: FrameSolver
-    lag: int
-    options: RealTime
-    fps: float
 
     def __init__(self, solver: FrameSolver, lag: int, options: RealTime, fps: float):
         """Set the lag in frames, and the rate [1/s] at which the solver's tracks define differences."""

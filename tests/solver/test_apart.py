@@ -16,9 +16,10 @@ from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.distances import Separation
 from robot_retarget.robot.kinematics import carrying, difference, integrate
 from robot_retarget.solver import minimum
+from robot_retarget.solver.clip_model import clip_of
 from robot_retarget.solver.descent import FrameSolution
 from robot_retarget.solver.limits import targets_of
-from robot_retarget.solver.minimum import ClipMinimum, clip_of
+from robot_retarget.solver.minimum import ClipMinimum
 from robot_retarget.solver.near_links import NearLinks, foremost, tightest_rows
 from robot_retarget.solver.options import Smoothing
 from robot_retarget.solver.pipeline import retarget

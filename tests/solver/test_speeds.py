@@ -12,12 +12,11 @@ from robot_retarget.base.files import SAMPLES
 from robot_retarget.graph.describe import describe
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot
-from robot_retarget.solver.limits import targets_of
-from robot_retarget.solver.minimum import clip_of
+from robot_retarget.solver.clip_model import clip_of
+from robot_retarget.solver.limits import targets_of, within_speeds
 from robot_retarget.solver.options import Smoothing
 from robot_retarget.solver.pipeline import retarget
 from robot_retarget.solver.solve import problem_of
-from robot_retarget.solver.speeds import within_speeds
 from robot_retarget.solver.sqp import FrameSolver
 
 

@@ -14,8 +14,9 @@ from robot_retarget.graph.footholds import foothold_corners
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import load_robot, world_points
 from robot_retarget.robot.support import sole_corners
+from robot_retarget.solver.clip_model import clip_of
 from robot_retarget.solver.limits import targets_of
-from robot_retarget.solver.minimum import ClipMinimum, clip_of
+from robot_retarget.solver.minimum import ClipMinimum
 from robot_retarget.solver.options import Smoothing, Windows
 from robot_retarget.solver.pipeline import Result, retarget
 from robot_retarget.solver.solve import problem_of

@@ -29,11 +29,11 @@ from robot_retarget.solver.balance.plan import (
     plan_playback,
 )
 from robot_retarget.solver.clip import EXPECTED
+from robot_retarget.solver.clip_model import clip_of
 from robot_retarget.solver.descent import FrameSolution
-from robot_retarget.solver.limits import targets_of
-from robot_retarget.solver.minimum import ClipMinimum, clip_of
+from robot_retarget.solver.limits import targets_of, within_speeds
+from robot_retarget.solver.minimum import ClipMinimum
 from robot_retarget.solver.options import Smoothing
-from robot_retarget.solver.speeds import within_speeds
 from robot_retarget.trajectory import Trajectory
 
 # The time that a motion needs: it slows down if a joint, the zero moment point or a shift of weight needs more.
