@@ -124,7 +124,7 @@ class StepProgram:
         return x, gained, taken
 
     def _start(self, barrier: float) -> tuple[Floats, Floats]:
-        """Return forces z and slacks t = G z − d with t z = τ at x = 0."""
+        """Return forces z and slacks t = G z − d at x = 0, with t z ≥ τ: the bisection may leave less, or less than 0."""
         root = np.sqrt(self.lower**2 + 4 * barrier * self.give)
         force = np.where(self.lower > 0, (self.lower + root) / (2 * self.give), 2 * barrier / (root - self.lower))
         rows, links = self.rows, self.rows.links
@@ -138,7 +138,7 @@ class StepProgram:
             strong = pushed.sum(axis=1, keepdims=True) > rows.shared * (deepest + beyond)
             least, most = np.where(strong, beyond, least), np.where(strong, most, beyond)
         self._rows(force)[links] = pushed[links]
-        return force, self._given(force) - self.lower
+        return force, np.maximum(self._given(force) - self.lower, barrier / force)
 
     def _newton(self, system: BandedSystem, x: Floats, force: Floats, slack: Floats) -> tuple[Floats, Floats, Floats]:
         """Return x, z and t after a predictor and a corrector."""

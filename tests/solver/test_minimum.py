@@ -116,6 +116,27 @@ def test_the_step_of_a_clip_is_the_minimum_of_a_dense_program(seed: int, monkeyp
     np.testing.assert_allclose(np.array(found["x"]).ravel()[:n], step.ravel(), atol=1e-3 * scale)
 
 
+@pytest.mark.parametrize("barrier", [1e-9, 1e-3, 10.0])
+def test_a_program_starts_inside_its_constraints_where_links_are_deep_in_each_other(barrier: float) -> None:
+    """Three links 24 mm deep in each other, whose slacks are 10,000 times smaller, and forces of some 10⁴."""
+    draw, directions, count = np.random.default_rng(0), 3, 5
+    lower = np.array([[-ABSENT, 0.022694, 0.0244505, 0.0244555, 0.0244732]])
+    rows = StepRows(
+        draw.normal(size=(1, count, directions)), lower, np.full((1, count), 2e7), np.ones((1, count), bool), 2e7
+    )
+    size, hinges = (1, directions), np.array([2])
+    room = Room(-np.ones(size), np.ones(size), -np.ones((1, 1)), np.ones((1, 1)), hinges)
+    coupling = FrameCoupling([], 1, directions)
+    program = StepProgram(np.ones(size), np.eye(directions)[None], coupling, rows, room)
+    force, slack = program._start(barrier)
+    assert (force > 0).all() and (slack > 0).all()
+    assert (force * slack > (1 - 1e-9) * barrier).all()
+    missed = np.abs(program._given(force) - slack - program.lower).max()
+    assert missed < 0.0244732 / 200  # 12 bits of the logarithm of an interval of 1 to 10 million
+    step, gained, _ = program.minimised(BandedSystem(1, directions, 1), barrier * len(force), 1e-9)
+    assert np.isfinite(step).all() and gained > 0
+
+
 def clip_graph(name: str, robot: rr.Robot, first: int, last: int) -> rr.RobotGraph:
     return rr.describe(rr.read_motion(ROOT / f"samples/{name}.bvh").frames(first, last), robot).unbalanced()
 
