@@ -10,6 +10,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.ndimage import binary_dilation
 
 from robot_retarget.base.arrays import Bools, Floats, Ints, smoothstep
 from robot_retarget.base.progress import Count
@@ -83,11 +84,7 @@ class ClipMinimum:
         changed = clip.all_targets.differ(self.clip.all_targets)[clip.fixed :]
         self.clip = clip
         self._couple()
-        frames = np.flatnonzero(changed)
-        if frames.size:
-            own = self.model.frames
-            found = self._frames(self.qpos, frames, own.near)
-            own.put(frames, found, np.ones(len(frames), dtype=bool))
+        self._relinearize(self.model.frames, self.qpos, changed)
         before = self.model.total
         self.model = self._assembled(self.qpos, self.model.frames)
         self.gained = max(self.gained, self.model.total - before)
@@ -111,7 +108,7 @@ class ClipMinimum:
     def step(self) -> None:
         """Take one step without a check of the cost: the real-time iteration of [Diehl2005], from a path near the minimum."""
         step, _ = self._minimised()
-        self.qpos[self.clip.fixed :] = integrate(self.clip.solver.robot, self.qpos[self.clip.fixed :], step)
+        self.qpos = self._moved(step)
 
     @property
     def _least(self) -> float:
@@ -125,12 +122,10 @@ class ClipMinimum:
 
     def _accept(self, step: Floats) -> float:
         """Take a step (M, nv) if it lowers the cost, shortened around frames whose cost rises; return its gain."""
-        clip, model, robot = self.clip, self.model, self.clip.solver.robot
-        rose = np.zeros(len(step), dtype=bool)
-        for _ in range(clip.smoothing.tries):
-            path = self.qpos.copy()
-            path[clip.fixed :] = integrate(robot, path[clip.fixed :], step)
-            trial = self._linearised(path, model.frames.near)
+        model, rose, path = self.model, np.zeros(len(step), dtype=bool), self._moved(step)
+        frames = self._frames(path, np.arange(len(step)), model.frames.near)
+        for left in reversed(range(self.clip.smoothing.tries)):
+            trial = self._assembled(path, frames)
             rise = trial.cost - model.cost
             if trial.total < model.total:
                 self._adapt(np.where(rose, np.inf, model.surprise(step, trial.own)))
@@ -138,12 +133,21 @@ class ClipMinimum:
                 self.moved = np.abs(step).max(axis=1)
                 return self.gained
             worst = (rise > 0) & (rise >= np.maximum(rise, 0.0).mean())
-            if not worst.any():
-                break
             rose |= worst
-            step = step * _shares(worst, clip.fps)[:, None]
+            if not (left and worst.any()):
+                break
+            shares = _shares(worst, self.clip.fps)
+            step = step * shares[:, None]
+            path = self._moved(step)
+            self._relinearize(frames, path, shares < 1)
         self._adapt(np.where(rose, np.inf, 0.5))
         return 0.0
+
+    def _moved(self, step: Floats) -> Floats:
+        """Return the path (T, nq) after a step (M, nv)."""
+        path, first = self.qpos.copy(), self.clip.fixed
+        path[first:] = integrate(self.clip.solver.robot, path[first:], step)
+        return path
 
     def _adapt(self, surprise: Floats) -> None:
         """Damp the next step at frames whose costs differ from the model's, and free the others [Nielsen1999]."""
@@ -177,6 +181,12 @@ class ClipMinimum:
     def _linearised(self, path: Floats, near: NearLinks | None) -> ClipModel:
         """Return the model at a path (T, nq); distances of links measured nearby are extrapolated."""
         return self._assembled(path, self._frames(path, np.arange(len(self.damping)), near))
+
+    def _relinearize(self, models: Quadratic, path: Floats, changed: Bools) -> None:
+        """Renew the models of the moving frames (M,) that have changed; with them those whose ways to a changed frame have rows."""
+        frames = np.flatnonzero(binary_dilation(changed) if self.through else changed)
+        if frames.size:
+            models.put(frames, self._frames(path, frames, models.near), np.ones(len(frames), dtype=bool))
 
     def _frames(self, path: Floats, frames: Ints, near: NearLinks | None) -> Quadratic:
         """Return the models of some of the moving frames."""
