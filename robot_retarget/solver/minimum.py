@@ -254,26 +254,24 @@ class ClipMinimum:
 
     def keep_apart(self) -> bool:
         """Keep links apart between frames where they pass through each other; return whether more of them do."""
-        through = self.through | _interpenetrating(self.clip, self.qpos)
-        if through == self.through:
-            return False
-        self.through = through
-        self.model = self._linearised(self.qpos, None)
-        return True
+        more = _interpenetrating(self.clip, self.qpos) - self.through
+        if more:
+            self.through |= more
+            self.model = self._linearised(self.qpos, None)
+        return bool(more)
 
     def _closed(self, ended: bool) -> list[FrameSolution]:
         """Return the frames with closed chains, within all limits."""
         clip, solver, base = self.clip, self.clip.solver, self.model.frames
         converged = (self.moved < clip.smoothing.converged) | ended
         poses = [FrameSolution(q, Status.CONVERGED, 0.0, 0) for q in clip.limited(self.qpos)]
-        for t, cost, done, lacking in zip(
-            range(clip.fixed, len(clip)), base.cost, converged, base.clearance_deficit, strict=True
-        ):
+        ends = zip(range(clip.fixed, len(clip)), base.cost, converged, base.clearance_deficit, strict=True)
+        for t, cost, done, lacking in ends:
             status = Status.CONVERGED if done else Status.OUT_OF_ITERATIONS
             pose = FrameSolution(poses[t].qpos, status, float(cost), self.taken, float(lacking))
             poses[t] = solver.closed(pose)
         poses = _caught_up(clip, poses)
-        depth = solver.depths_under_floor(_qpos(poses), clip.all_targets)
+        depth = solver.depths_under_floor(np.array([pose.qpos for pose in poses]), clip.all_targets)
         depth[: clip.fixed] = 0.0
         return [solver.raised(pose, float(deep)) for pose, deep in zip(poses, depth, strict=True)]
 
@@ -287,13 +285,8 @@ def _apart(slopes: Floats, others: Floats) -> Floats:
 
 def _shares(chosen: Bools, fps: float) -> Floats:
     """Return the share of a step that each frame takes: `SHORTER` at chosen frames, and all of it `BESIDE` away."""
-    frames = np.arange(len(chosen))
-    away = np.abs(frames[:, None] - np.flatnonzero(chosen)).min(axis=1)
+    away = np.abs(np.arange(len(chosen))[:, None] - np.flatnonzero(chosen)).min(axis=1)
     return SHORTER + (1 - SHORTER) * smoothstep(np.minimum(away / (BESIDE * fps), 1.0))
-
-
-def _qpos(poses: Sequence[FrameSolution]) -> Floats:
-    return np.array([pose.qpos for pose in poses])
 
 
 def _between(clip: ClipProblem, qpos: Floats, t: int, through: Collection[int]) -> tuple[SweptConfiguration, ...]:
@@ -304,8 +297,7 @@ def _between(clip: ClipProblem, qpos: Floats, t: int, through: Collection[int]) 
 
 def _interpenetrating(clip: ClipProblem, qpos: Floats) -> frozenset[int]:
     """Return the frames t with links inside each other between t and t + 1."""
-    first, solver = max(clip.fixed - 1, 0), clip.solver
-    asked = np.arange(first, len(qpos) - 1)
+    solver, asked = clip.solver, np.arange(max(clip.fixed - 1, 0), len(qpos) - 1)
     deep = solver.depths_between(qpos[asked], qpos[asked + 1]) > solver.options.overlap
     return frozenset(asked[deep].tolist())
 
@@ -313,7 +305,7 @@ def _interpenetrating(clip: ClipProblem, qpos: Floats) -> frozenset[int]:
 def _caught_up(clip: ClipProblem, poses: list[FrameSolution]) -> list[FrameSolution]:
     """Return the poses with overlapping frames moved back towards the frame before, and the frames after them within the joint speeds."""
     solver, robot, reach, behind = clip.solver, clip.solver.robot, clip.reach, False
-    overlapping = solver.costs.overlap(_qpos(poses)) > solver.options.overlap
+    overlapping = solver.costs.overlap(np.array([pose.qpos for pose in poses])) > solver.options.overlap
     for t in range(max(clip.fixed, 1), len(poses)):
         before, late = poses[t - 1].qpos, poses[t]
         way = difference(robot, before, late.qpos)
