@@ -263,7 +263,7 @@ def _torques(plant: Plant, states: Floats, rate: float, mode: Mode) -> tuple[Flo
     data, places = mujoco.MjData(model), plant.places
     qvel, qacc = _rates(plant.model, states, rate)
     soles = feet_of(plant.robot).corners if mode == "free" else None
-    root, unload, ground = plant.root_dofs, _Unloading(plant), plant.ground
+    root, coupling, ground = plant.root_dofs, Coupling(plant.robot), plant.ground
     if mode == "pinned":
         held = np.setdiff1d(places.dofs, plant.dofs)
         qvel[:, held] = qacc[:, held] = 0
@@ -275,28 +275,22 @@ def _torques(plant: Plant, states: Floats, rate: float, mode: Mode) -> tuple[Flo
         force = data.qfrc_inverse - pushes[k]
         if soles is not None and len(soles):
             force -= ground_push(model, data, soles, root, force[root], ground)
-        torque[k] = unload(configurations[k], force[places.dofs])[plant.robot.dof_index]
+        torque[k] = _on_driven(plant, coupling, configurations[k], force[places.dofs])[plant.robot.dof_index]
     return torque, qvel[:, plant.dofs]
 
 
-class _Unloading:
-    """Moves the load of hinges without a servo to those with one.
+def _on_driven(plant: Plant, coupling: Coupling, qpos: Floats, force: Floats) -> Floats:
+    """Return forces (nv,) with the same effect as others and, at best, none on hinges without a servo, at a configuration (nq,).
 
     Such hinges hang on others by gears and closed chains: their load goes to those. With J the Jacobian of the coupling,
-    forces τ + Jᵀλ have the same effect; λ makes the forces of the loose hinges zero, at best.
+    forces τ + Jᵀλ have the same effect; λ makes the forces of the loose hinges zero.
     """
-
-    def __init__(self, plant: Plant) -> None:
-        hinges = plant.robot.dof_index
-        self._loose, self._coupling = np.setdiff1d(hinges, hinges[plant.driven]), Coupling(plant.robot)
-
-    def __call__(self, qpos: Floats, force: Floats) -> Floats:
-        """Return forces (nv,) with the same effect as others, at a configuration (nq,)."""
-        if not self._loose.size or not self._coupling.present:
-            return force
-        _, slope = self._coupling(qpos)
-        pull, *_ = np.linalg.lstsq(slope[:, self._loose].T, -force[self._loose], rcond=1e-6)
-        return force + slope.T @ pull
+    loose = np.setdiff1d(plant.robot.dof_index, plant.robot.dof_index[plant.driven])
+    if not loose.size or not coupling.present:
+        return force
+    _, slope = coupling(qpos)
+    pull, *_ = np.linalg.lstsq(slope[:, loose].T, -force[loose], rcond=1e-6)
+    return force + slope.T @ pull
 
 
 def _ahead(goals: Floats, rate: float, delay: float) -> Floats:
