@@ -14,11 +14,12 @@ from shared_files import ROOT, SHARED, needs_shared
 import robot_retarget as rr
 from robot_retarget.graph.track import SECOND_DIFFERENCE, THIRD_DIFFERENCE, Status
 from robot_retarget.robot.kinematics import integrate
-from robot_retarget.solver import clip_step
+from robot_retarget.solver import clip_step, minimum
 from robot_retarget.solver.banded import BandedSystem, DifferenceCosts, FrameCoupling
 from robot_retarget.solver.clip import stresses
 from robot_retarget.solver.clip_step import ABSENT, Room, StepProgram, StepRows
 from robot_retarget.solver.limits import Differences, targets_of
+from robot_retarget.solver.minimum import ClipMinimum
 from robot_retarget.solver.options import Smoothing
 from robot_retarget.solver.solution import Solution
 from robot_retarget.solver.solve import problem_of, solve_graph
@@ -195,6 +196,30 @@ def test_the_work_of_a_sample_does_not_grow(clip: str, linearised: int, measured
     assert work["measured"] <= measured
     assert work["factorised"] <= factorised
     assert work["programs"] <= 7
+
+
+def test_after_a_shortened_step_the_model_of_every_frame_is_that_of_its_pose(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Hands that meet refuse steps; frames away from them are not linearised again."""
+    shortened, checked, accept, shares = [0], [0], ClipMinimum._accept, minimum._shares
+
+    def counted(*given: Any) -> Any:
+        shortened[0] += 1
+        return shares(*given)
+
+    def accepted(self: ClipMinimum, step: np.ndarray) -> float:
+        before = shortened[0]
+        gained = accept(self, step)
+        if gained and shortened[0] > before:
+            _, gradient, normal = self.clip.solver.problem.model(self.qpos, self.clip.all_targets)
+            np.testing.assert_allclose(self.model.frames.gradient, gradient, rtol=1e-9, atol=1e-9)
+            np.testing.assert_allclose(self.model.frames.normal, normal, rtol=1e-9, atol=1e-9)
+            checked[0] += 1
+        return gained
+
+    monkeypatch.setattr(minimum, "_shares", counted)
+    monkeypatch.setattr(ClipMinimum, "_accept", accepted)
+    solve_graph(rr.describe(rr.read_motion(ROOT / "samples/clap.bvh").frames(80, 120), OP3).unbalanced())
+    assert checked[0] > 0
 
 
 ROBOTS: dict[str, Callable[[], rr.Robot]] = {
