@@ -88,8 +88,7 @@ class Separation:
         solid = _moves(self.model)
         self.counts: Bools = np.logical_and.outer(solid, solid)
         self.rest: Floats = np.full((self.model.ngeom + 1,) * 2, np.inf)
-        """(G + 1, G + 1) distance of two geoms at rest [m]; the floor, which comes last, may be touched."""
-        self.rest[-1] = self.rest[:, -1] = 0.0
+        """(G + 1, G + 1) distance of two geoms at rest [m]; the floor comes last."""
         self.is_box: Bools = np.asarray(self.model.geom_type) == mujoco.mjtGeom.mjGEOM_BOX
         listed = allowed(robot).values() if self.is_box.sum() > 1 else ()
         self._watch(np.array([pair for pairs in listed for pair in pairs], dtype=int).reshape(-1, 2))
@@ -98,6 +97,9 @@ class Separation:
         self._learn(robot.standing(), least=0.0)
         self._watch(self.boxes.pairs)
         self.floor: Floor | None = None if feet is None else Floor(robot, self.model, feet, FLOOR_SHARE * reach)
+        if self.floor is not None:  # links that the stand holds near the floor may touch it
+            low = joined(self.floor.near(Placed.at(self.model, self.places[0].data, robot.standing()[None]))).geoms
+            self.rest[low[:, 0], low[:, 1]] = self.rest[low[:, 1], low[:, 0]] = 0.0
 
     def along(self, qpos: Floats, threads: int = 1) -> tuple[GeomDistances, Floats]:
         """Return all places where links are near each other or near the floor, in order of the configurations.

@@ -198,7 +198,7 @@ def with_bent_knees(graph: RobotGraph, bent: float) -> RobotGraph:
 def with_margin(graph: RobotGraph, margin: float, between: tuple[set[str], set[str]] | None = None) -> RobotGraph:
     """Return the graph with a margin between surfaces of links [m], which fades out where the human's parts touch.
 
-    Bodies keep theirs, which feet come near to on purpose.
+    Bodies keep theirs, which feet come near to on purpose. The floor has the margin too: a link on it counts as a fall.
 
     Args:
         between: only between these links and those, by their names; by default between all.
@@ -214,8 +214,8 @@ def with_margin(graph: RobotGraph, margin: float, between: tuple[set[str], set[s
 
 
 def _faded(graph: RobotGraph, track: Track, margin: float) -> Floats:
-    """Return (T, E) margins of links [m]: at the strength s of a touch m − s (m − own), and 0 where it was 0."""
-    faded, model = np.where(track.lower > 0, margin, track.lower), graph.robot.model
+    """Return (T, E) margins of links [m]: at the strength s of a touch m − s (m − own)."""
+    faded, model = np.full_like(track.lower, margin), graph.robot.model
     touches = [each for each in graph.tracks if each.name == "touch"]
     for touch, k in ((each, k) for each in touches for k in np.flatnonzero(each.priority.any(axis=0))):
         sites = (graph.match.anatomy.sites[end].body for end in touch.ends[k])
