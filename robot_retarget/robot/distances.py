@@ -92,14 +92,11 @@ class Separation:
         self.is_box: Bools = np.asarray(self.model.geom_type) == mujoco.mjtGeom.mjGEOM_BOX
         listed = allowed(robot).values() if self.is_box.sum() > 1 else ()
         self._watch(np.array([pair for pairs in listed for pair in pairs], dtype=int).reshape(-1, 2))
-        for rest in (robot.neutral(), np.array(robot.model.qpos0)):
-            self._learn(rest)
-        self._learn(robot.standing(), least=0.0)
-        self._watch(self.boxes.pairs)
         self.floor: Floor | None = None if feet is None else Floor(robot, self.model, feet, FLOOR_SHARE * reach)
-        if self.floor is not None:  # links that the stand holds near the floor may touch it
-            low = joined(self.floor.near(Placed.at(self.model, self.places[0].data, robot.standing()[None]))).geoms
-            self.rest[low[:, 0], low[:, 1]] = self.rest[low[:, 1], low[:, 0]] = 0.0
+        for rest in (robot.neutral(), np.array(robot.model.qpos0)):
+            self._learn(self.distances(rest[None]))
+        self._learn(self.along(robot.standing()[None])[0], least=0.0)
+        self._watch(self.boxes.pairs)
 
     def along(self, qpos: Floats, threads: int = 1) -> tuple[GeomDistances, Floats]:
         """Return all places where links are near each other or near the floor, in order of the configurations.
@@ -232,9 +229,8 @@ class Separation:
         self.boxes = Boxes(self.model, pairs[two_boxes], self.reach)
         self.seen = self.counts & ~np.logical_and.outer(self.is_box, self.is_box)
 
-    def _learn(self, rest: Floats, least: float = -np.inf) -> None:
-        """Leave out pairs that overlap at rest; remember how near the others are, `least` at least [m]."""
-        found = self.distances(rest[None])
+    def _learn(self, found: GeomDistances, least: float = -np.inf) -> None:
+        """Leave out pairs that overlap at rest; remember how near the others are, and the floor, `least` at least [m]."""
         for gap, (a, b) in zip(found.distance.clip(min=least), found.geoms, strict=True):
             self.counts[a, b] = self.counts[b, a] = self.counts[a, b] and gap > -TIE
             self.rest[a, b] = self.rest[b, a] = min(self.rest[a, b], gap)

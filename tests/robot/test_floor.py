@@ -14,7 +14,7 @@ from robot_retarget.human.motion import Motion
 from robot_retarget.human.read import read_motion
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.distances import FLOOR_SHARE, Separation
-from robot_retarget.robot.geoms import FLOOR_GEOM, Placed, joined
+from robot_retarget.robot.geoms import FLOOR_GEOM, Placed, joined, solid_geoms
 from robot_retarget.robot.kinematics import integrate
 from robot_retarget.robot.links import Links
 from robot_retarget.solver.pipeline import retarget
@@ -118,6 +118,15 @@ def test_who_lies_down_lies_on_the_floor_and_not_in_it() -> None:
     robot, clip = load_robot("op3"), lying(read_motion(SAMPLES / "wave.bvh").resample(10))
     result = retarget(replace(clip, positions=clip.positions[:12]), robot, balance="off")
     assert lowest(robot, result.trajectory.qpos) > -1e-4
+
+
+def test_who_lies_down_over_planted_feet_keeps_every_other_link_off_the_floor() -> None:
+    robot, clip = load_robot("op3"), lying(read_motion(SAMPLES / "wave.bvh").resample(5))
+    result = retarget(replace(clip, positions=clip.positions[:2]), robot, legs="stand", balance="static")
+    path, feet = result.trajectory.qpos, {int(sole.bodies[0]) for sole in result.graph.match.anatomy.soles.values()}
+    links = [geom for link, own in solid_geoms(robot).items() if link not in feet for geom in own]
+    near = by_mujoco(robot, path[len(path) // 2])
+    assert NEAR > min(near.get(f"geom {geom}", NEAR) for geom in links) > 0.005  # a link on the floor counts as a fall
 
 
 @needs_shared
