@@ -57,9 +57,8 @@ class Origin:
         words = shlex.split(self.run) or [PROGRAM, "run", self.motion, "--robot", self.robot]
         path = Path(self.trajectory)
         place = path.parent if self.run else path.with_suffix("")
-        return shlex.join(
-            [*_without(words, [option]), option, value, "--out", str(place.with_name(f"{place.name}-{name}"))]
-        )
+        place = place.with_name(f"{place.name}-{name}")
+        return shlex.join([*_without(words, [option]), option, value, "--out", str(place)])
 
 
 def _without(words: list[str], options: Sequence[str]) -> list[str]:
@@ -126,9 +125,8 @@ def _apart(failing: Failing) -> Advice:
 def _shorter(failing: Failing) -> Advice:
     share = failing.most.temperature_rise / failing.figures["temperature_rise_K"]
     end = f"{COOLER * share * failing.figures.get('duration_s', 1.0):.3g}"
-    return f"keep its first {end} s, and pause after them", failing.origin.edited(
-        "cut", "shorter", "--trim", f"0:{end}"
-    )
+    command = failing.origin.edited("cut", "shorter", "--trim", f"0:{end}")
+    return f"keep its first {end} s, and pause after them", command
 
 
 def _steadier(failing: Failing) -> Advice:
@@ -164,11 +162,8 @@ def _nearer(failing: Failing) -> Advice:
     """The next way to follow the human more closely: the legs, dynamic balance, no balance, directions of limbs."""
     figures, origin = failing.figures, failing.origin
     if failing.pinned and "directions" in origin.run:
-        command = shlex.join([PROGRAM, "view", origin.trajectory, "--robot", origin.robot])
-        return (
-            "ranges of joints, contacts and links that are held apart cost this: see where, and correct it by hand",
-            command,
-        )
+        what = "ranges of joints, contacts and links that are held apart cost this: see where, and correct it by hand"
+        return what, shlex.join([PROGRAM, "view", origin.trajectory, "--robot", origin.robot])
     if failing.pinned:
         return "favour the directions of the limbs", origin.again("directions", "--favour", "directions")
     if figures.get("not_standing"):
@@ -195,23 +190,15 @@ def _finished(failing: Failing) -> Advice:
 
 CURES: dict[str, Callable[[Failing], Advice]] = {
     "tracking_rms": _slower_by("worst_joint_rms_rad", "tracking_rms"),
-    "speed_ratio": _slower_by("speed_ratio", "speed_ratio"),
-    "saturated_share": _slower_by("saturated_share", "saturated_share"),
+    **{name: _slower_by(name, name) for name in ("speed_ratio", "saturated_share")},
     "goal_step": _slower_by("goal_step_rad", "goal_step_limit_rad"),
     "temperature_rise": _shorter,
-    "penetration": _apart,
-    "between_frames": _apart,
-    "range_excess": _apart,
-    "tracked_penetration": _slower,
-    "foot_slip": _steadier,
-    "fallen_share": _steadier,
-    "fell": _steadier,
-    "gave_up": _steadier,
+    **dict.fromkeys(("penetration", "between_frames", "range_excess"), _apart),
+    **dict.fromkeys(("tracked_penetration", "body_contacts_lost", "missed_step"), _slower),
+    **dict.fromkeys(("foot_slip", "fallen_share", "fell", "gave_up"), _steadier),
     "oscillates": _without_feedback,
     "soft": _softness,
     "unstable": _sound,
-    "body_contacts_lost": _slower,
-    "missed_step": _slower,
     "dropped": _carried,
     **dict.fromkeys(("unlike_arms", "unlike_trunk", "unlike_legs", "limbs_far"), _nearer),
     **dict.fromkeys(("path_off", "heading_off", "steps_lost", "steps_shortened"), _nearer),

@@ -1,6 +1,6 @@
 """The verdict on a simulation: the reasons against it, its differences from the human, and the badge that names both."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -190,11 +190,8 @@ def cures(figures: Mapping[str, Any], most: Thresholds, origin: Origin | None = 
     Args:
         origin: files and commands that the cures name; by default placeholders.
     """
-    failing, found = (
-        Failing(figures, most, origin or Origin()),
-        [*_findings(figures, most), *differences(figures, most)],
-    )
-    return tuple(cure_of(reason, kind, failing) for reason, kind in found)
+    failing = Failing(figures, most, origin or Origin())
+    return tuple(cure_of(*found, failing) for found in (*_findings(figures, most), *differences(figures, most)))
 
 
 def at_edge(figures: Mapping[str, Any], most: Thresholds) -> bool:
@@ -222,55 +219,48 @@ def _findings(figures: Mapping[str, Any], most: Thresholds) -> list[tuple[str, s
         *_upright(figures),
         *_feedback(figures),
         *((check.reason(figures, most), check.threshold) for check in over),
-        *((reason, "goal_step") for reason in _goal_step(figures)),
+        *_goal_step(figures),
         *((reason, "dropped") for reason in dropped(figures)),
         *((reason, "missed_step") for reason in missed_steps(figures)),
         *_links(figures, most),
     ]
 
 
-def _links(figures: Mapping[str, Any], most: Thresholds) -> list[tuple[str, str]]:
-    """Links inside each other: at the frames, between them, and on the servos of a robot that stays up."""
-    deep = _overlaps(figures["self_contacts"], most.penetration, "overlap")
-    reasons = [(reason, "penetration") for reason in deep]
+def _links(figures: Mapping[str, Any], most: Thresholds) -> Iterator[tuple[str, str]]:
+    """Yield links inside each other: at the frames, between them, and on the servos of a robot that stays up."""
+    for deep in _overlaps(figures["self_contacts"], most.penetration, "overlap"):
+        yield deep, "penetration"
     if figures["between_frames_depth_m"] > max(most.between_frames, figures["self_contact_depth_m"]):
         depth, when = 1000 * figures["between_frames_depth_m"], figures["between_frames_s"]
         pair = " and ".join(figures["between_frames_bodies"])
-        passing = f"{pair} pass through each other by {depth:.1f} mm between two frames, at {when:g} s"
-        reasons.append((passing, "between_frames"))
+        yield f"{pair} pass through each other by {depth:.1f} mm between two frames, at {when:g} s", "between_frames"
     if figures.get("fall_s") is None:
         planned = [line["bodies"] for line in figures["self_contacts"] if line["depth_m"] > most.penetration]
         hits = [line for line in figures["tracked_self_contacts"] if line["bodies"] not in planned]
-        hit = _overlaps(hits, most.tracked_penetration, "hit each other on the servos, overlapping")
-        reasons += [(reason, "tracked_penetration") for reason in hit]
-    return reasons
+        for hit in _overlaps(hits, most.tracked_penetration, "hit each other on the servos, overlapping"):
+            yield hit, "tracked_penetration"
 
 
-def _upright(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Whether the simulation and the robot came to the end."""
-    reasons = []
+def _upright(figures: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield what kept the simulation or the robot from the end."""
     if figures["unstable_s"] is not None:
-        broke = f"the simulation broke down at {figures['unstable_s']:g} s"
-        reasons.append((broke, "unstable"))
+        yield f"the simulation broke down at {figures['unstable_s']:g} s", "unstable"
     if figures.get("fall_s") is not None:
         when = f"at {figures['fall_s']:g} s" if figures["fall_s"] >= 0 else "in the first pose, before it began to move"
         body = figures["fall_body"]
-        fell = f"fell: {f'{body} touched the floor' if body else 'sank to half its height'} {when}"
-        reasons.append((fell, "fell"))
+        yield f"fell: {f'{body} touched the floor' if body else 'sank to half its height'} {when}", "fell"
         stiffness, gravity = figures.get("ankle_stiffness_Nm_rad", 0.0), figures.get("tipping_stiffness_Nm_rad", 0.0)
         if stiffness < gravity:
             soft = f"its ankles are too soft to stand on: {stiffness:g} N m/rad, and gravity tips it over with {gravity:g} N m/rad"
-            reasons.append((soft, "soft"))
-    return reasons
+            yield soft, "soft"
 
 
-def _goal_step(figures: Mapping[str, Any]) -> list[str]:
-    """Goals that playback would hold back."""
+def _goal_step(figures: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield goals that playback would hold back."""
     cap = figures.get("goal_step_limit_rad")
-    if cap is None or figures["goal_step_rad"] <= cap:
-        return []
-    ahead, bound = shown(figures["goal_step_rad"], "rad"), shown(cap, "rad")
-    return [f"{figures['goal_step_joint']} is {ahead} from its goal, and playback holds goals back beyond {bound}"]
+    if cap is not None and figures["goal_step_rad"] > cap:
+        ahead, joint = shown(figures["goal_step_rad"], "rad"), figures["goal_step_joint"]
+        yield f"{joint} is {ahead} from its goal, and playback holds goals back beyond {shown(cap, 'rad')}", "goal_step"
 
 
 def _overlaps(pairs: list[dict[str, Any]], penetration: float, what: str) -> list[str]:
@@ -284,15 +274,11 @@ def _overlaps(pairs: list[dict[str, Any]], penetration: float, what: str) -> lis
     return [*sentences, f"{len(deep) - LISTED} more pairs {what}"] if len(deep) > LISTED else sentences
 
 
-def _feedback(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """What speaks against the feedback."""
-    reasons = []
+def _feedback(figures: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield what speaks against the feedback."""
     if "feedback_oscillation_joint" in figures:
         joint, frequency = figures["feedback_oscillation_joint"], figures["feedback_oscillation_Hz"]
-        size = figures["feedback_oscillation_rad"]
-        swings = f"the feedback oscillates: {joint} swings by {shown(size, 'rad')} at {frequency:g} Hz"
-        reasons.append((swings, "oscillates"))
+        size = shown(figures["feedback_oscillation_rad"], "rad")
+        yield f"the feedback oscillates: {joint} swings by {size} at {frequency:g} Hz", "oscillates"
     if figures.get("feedback_stopped_s") is not None:
-        gave_up = f"the feedback gave up on a lean and crouched at {figures['feedback_stopped_s']:g} s"
-        reasons.append((gave_up, "gave_up"))
-    return reasons
+        yield f"the feedback gave up on a lean and crouched at {figures['feedback_stopped_s']:g} s", "gave_up"
