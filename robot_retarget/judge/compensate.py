@@ -285,10 +285,9 @@ def _on_driven(plant: Plant, coupling: Coupling, qpos: Floats, force: Floats) ->
     Such hinges hang on others by gears and closed chains: their load goes to those. With J the Jacobian of the coupling,
     forces τ + Jᵀλ have the same effect; λ makes the forces of the loose hinges zero.
     """
-    loose = np.setdiff1d(plant.robot.dof_index, plant.robot.dof_index[plant.driven])
-    if not loose.size or not coupling.present:
+    if not coupling.present:
         return force
-    _, slope = coupling(qpos)
+    loose, (_, slope) = np.setdiff1d(plant.robot.dof_index, plant.robot.dof_index[plant.driven]), coupling(qpos)
     pull, *_ = np.linalg.lstsq(slope[:, loose].T, -force[loose], rcond=1e-6)
     return force + slope.T @ pull
 

@@ -19,7 +19,7 @@ from robot_retarget.judge.bodies import Objects
 from robot_retarget.judge.build import build_plant, crowded_body
 from robot_retarget.judge.compensate import compensated
 from robot_retarget.judge.feedback import has_feedback, with_feedback
-from robot_retarget.judge.figures import at_frames, fall_figures
+from robot_retarget.judge.figures import at_frames
 from robot_retarget.judge.plant import Mode, Plant
 from robot_retarget.judge.playback import Playback, Rollout, plain_goals, roll_out
 from robot_retarget.judge.policy import Policy, under_policy
@@ -36,6 +36,7 @@ from robot_retarget.judge.worlds import (
     is_decided,
     judges,
     run_trials,
+    stop_of,
     trial_figures,
     worst_trial,
 )
@@ -200,14 +201,9 @@ def _fallen(
     for part in (draws[:half], draws[half:]):
         if not is_decided(fallen, worlds, share):
             found = rollouts(loose, trajectory, part, playback=playback, command=command, count=count)
-            fallen += [_fall(world, plant.robot, trajectory) is not None for world in found]
+            fallen += [stop_of(world, plant.robot, trajectory) is not None for world in found]
     count.advance(worlds - len(fallen))
     return tuple(fallen)
-
-
-def _fall(rollout: Rollout, robot: Robot, trajectory: Trajectory) -> float | None:
-    """Return when the simulation broke down or the robot fell [s], or None."""
-    return rollout.unstable if rollout.unstable is not None else fall_figures(rollout, robot, trajectory)["fall_s"]
 
 
 def plant_of(
@@ -315,7 +311,7 @@ def followed(trajectory: Trajectory, robot: Robot, policy: Policy, worlds: int =
     goals = plain_goals(plant, trajectory, playback)
     nominal = roll_out(plant, trajectory, "free", playback, goals)
     others = rollouts(plant, replace(trajectory, goals=goals), drawn_worlds(worlds), playback=playback, command=goals)
-    falls = tuple(_fall(each, robot, trajectory) for each in (nominal, *others))
+    falls = tuple(stop_of(each, robot, trajectory) for each in (nominal, *others))
     end = trajectory.duration if falls[0] is None else max(falls[0], 0.0)
     tracking = at_frames(trajectory, robot, nominal)
     played = tracking.times <= end

@@ -15,6 +15,7 @@ from robot_retarget.judge.figures import at_frames, fall_figures
 from robot_retarget.judge.plant import CRISP, Mode, Plant, Supply, soles_and_floor
 from robot_retarget.judge.playback import Playback, Rollout, roll_out
 from robot_retarget.judge.servo_model import Drives
+from robot_retarget.robot.model import Robot
 from robot_retarget.trajectory import Trajectory
 
 # Randomised simulations: mass, friction, servo stiffness, delay, tilt and backlash differ from those of the model.
@@ -197,10 +198,15 @@ def _trial(name: str, plant: Plant, trajectory: Trajectory, rollout: Rollout, mo
     robot = plant.robot
     error = at_frames(trajectory, robot, rollout).error[:, plant.driven]
     worst = float(np.sqrt((error**2).mean(0)).max()) if error.size else np.inf
-    fall = fall_figures(rollout, robot, trajectory)["fall_s"] if mode == "free" else None
-    stops = [time for time in (rollout.unstable, fall) if time is not None]
+    stops = stop_of(rollout, robot, trajectory) if mode == "free" else rollout.unstable
     rms = float(np.sqrt((error**2).mean())) if error.size else np.inf
-    return Trial(name, plant, rollout, worst, rms, min(stops, default=np.inf))
+    return Trial(name, plant, rollout, worst, rms, np.inf if stops is None else stops)
+
+
+def stop_of(rollout: Rollout, robot: Robot, trajectory: Trajectory) -> float | None:
+    """Return when a free robot fell or, if that is earlier, the simulation broke down [s]; None if neither happened."""
+    times = (rollout.unstable, fall_figures(rollout, robot, trajectory)["fall_s"])
+    return min((time for time in times if time is not None), default=None)
 
 
 def _identified_on(robot: str, drives: Drives) -> Drives:

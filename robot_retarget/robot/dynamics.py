@@ -207,14 +207,14 @@ def ground_push(
     points, height, normals = (np.concatenate(part) for part in zip(*found, strict=True))
     height = height - height.min()
     planted = np.flatnonzero(height < PLANTED)
-    jacobian, columns = np.zeros((3, model.nv)), []
-    for k, edges in zip(planted, _pyramids(normals[planted]), strict=True):
-        mujoco.mj_jac(model, data, jacobian, None, points[k], int(bodies[k]))
-        columns.append(np.exp(-height[k] / UNLOADED) * jacobian.T @ edges.T)
-    generators = np.hstack(columns)
+    jacobians = np.zeros((len(planted), 3, model.nv))
+    for k, rows in zip(planted, jacobians, strict=True):
+        mujoco.mj_jac(model, data, rows, None, points[k], int(bodies[k]))
+    edges = np.exp(-height[planted] / UNLOADED)[:, None, None] * _pyramids(normals[planted])
+    generators = (edges @ jacobians).reshape(-1, model.nv).T
     # Two feet can share a load in many ways: the ridge picks the evenest of those that stand, which changes smoothly.
     ridge = EVENNESS * np.eye(generators.shape[1])
-    share, _ = nnls(np.vstack([generators[root], ridge]), np.concatenate([wrench, np.zeros(len(ridge))]))
+    share, _ = nnls(np.concatenate([generators[root], ridge]), np.append(wrench, np.zeros(len(ridge))))
     return generators @ share
 
 

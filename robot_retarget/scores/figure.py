@@ -81,11 +81,8 @@ def shown(value: float | str, unit: str) -> str:
 def shown_apart(value: float, bound: float, unit: str) -> tuple[str, str]:
     """Return a figure and its limit in a common unit; where both texts are the same, the limit has the difference: `11.5° by 0.02°`."""
     texts = shown(value, unit), shown(bound, unit)
-    return (
-        texts
-        if value == bound or texts[0] != texts[1]
-        else (texts[0], f"{texts[1]} by {shown(abs(value - bound), unit)}")
-    )
+    same = value != bound and texts[0] == texts[1]
+    return (texts[0], f"{texts[1]} by {shown(abs(value - bound), unit)}") if same else texts
 
 
 NEAR_LIMIT = 0.1

@@ -41,6 +41,9 @@ TURN = 1 / 16384
 ANGLE = 1e-4
 """Step of joint angles [rad]; that of joint speeds is ten times as large [rad/s]."""
 
+COMPRESSION = 6
+"""Of gzip: the sample walk has 0.8 % more bytes than with 9, in a fifth of the time."""
+
 
 class Packer:
     """Collects arrays; `add` returns their entry for the header."""
@@ -75,7 +78,7 @@ class Packer:
         """
         text = json.dumps(header, separators=(",", ":"), allow_nan=False).encode()
         text += b" " * (-len(text) % 4)
-        return gzip.compress(len(text).to_bytes(4, "little") + text + b"".join(self._parts), 9, mtime=0)
+        return gzip.compress(len(text).to_bytes(4, "little") + text + b"".join(self._parts), COMPRESSION, mtime=0)
 
 
 # Stress by kind of edge, and the edges between keypoints with the largest cost.
