@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.base.arrays import Bools, Floats, Ints, bearing, leftward, unit
+from robot_retarget.base.arrays import Bools, Floats, Ints, bearing, cross, leftward, unit
 from robot_retarget.contact.record import ContactRecord
 from robot_retarget.contact.rule import SOLES
 from robot_retarget.contact.touch import HandTouches, hand_pairs, hand_touches
@@ -20,6 +20,7 @@ from robot_retarget.human.motion import Motion
 from robot_retarget.robot import Anatomy, Points, Robot, override, recognise_with, world_points
 from robot_retarget.robot.distances import LinkDistances
 from robot_retarget.robot.dynamics import root_dofs
+from robot_retarget.robot.kinematics import carrying
 from robot_retarget.trajectory import Trajectory
 
 PARTS = {"arms": ("elbow", "hand"), "trunk": ("chest",), "legs": ("knee", "ankle")}
@@ -173,6 +174,8 @@ class _Descent:
         self._hips = [match.index(k) for k in ("l_hip", "r_hip")] if hips else None
         self._dofs = np.concatenate([root_dofs(robot)[3:6] if robot.floating else [], robot.dof_index]).astype(int)
         self._free = len(self._dofs) - len(robot.dof_index)
+        self._carried = carrying(robot.model)[match.points.bodies][:, self._dofs, None]
+        self._trees = robot.model.body_rootid[robot.model.dof_bodyid[self._dofs]]
         self._data = mujoco.MjData(robot.model)
 
     def run(self, qpos: Floats, wanted: Floats) -> Floats:
@@ -200,16 +203,7 @@ class _Descent:
 
     def _bones(self, qpos: Floats) -> tuple[Floats, Floats]:
         """Return unit directions of the bones (N, B, 3), seen from the hip line, and their slopes (N, B, 3, D)."""
-        model, data, points = self._robot.model, self._data, self._points
-        places, moves = np.empty((len(qpos), len(points), 3)), np.zeros((len(qpos), len(points), 3, model.nv))
-        for n, q in enumerate(qpos):
-            data.qpos[:] = q
-            mujoco.mj_kinematics(model, data)
-            mujoco.mj_comPos(model, data)
-            for k, (body, offset) in enumerate(zip(points.bodies, points.offsets, strict=True)):
-                places[n, k] = data.xpos[body] + data.xmat[body].reshape(3, 3) @ offset
-                mujoco.mj_jac(model, data, moves[n, k], None, places[n, k], int(body))
-        moves = moves[..., self._dofs]
+        places, moves = self._moves(qpos)
         ends, starts = self._pairs.T
         vectors, slopes = places[:, ends] - places[:, starts], moves[:, ends] - moves[:, starts]
         if self._hips is not None:
@@ -226,6 +220,22 @@ class _Descent:
         directions = vectors / length
         along = np.einsum("nbi,nbid->nbd", directions, slopes)
         return directions, (slopes - directions[..., None] * along[:, :, None]) / length[..., None]
+
+    def _moves(self, qpos: Floats) -> tuple[Floats, Floats]:
+        """Return places (N, K, 3) [m] of the points and their Jacobians (N, K, 3, D): a dof moves what it carries by v + ω × (x − c)."""
+        model, data, points = self._robot.model, self._data, self._points
+        places, screws = np.empty((len(qpos), len(points), 3)), np.empty((len(qpos), len(self._dofs), 6))
+        centres = np.empty((len(qpos), len(self._dofs), 3))
+        for n, q in enumerate(qpos):
+            data.qpos[:] = q
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_comPos(model, data)
+            turned = data.xmat[points.bodies].reshape(-1, 3, 3) @ points.offsets[..., None]
+            places[n] = data.xpos[points.bodies] + turned[..., 0]
+            screws[n], centres[n] = data.cdof[self._dofs], data.subtree_com[self._trees]
+        arms = places[:, :, None] - centres[:, None]
+        moves = self._carried * (screws[:, None, :, 3:] + cross(screws[:, None, :, :3], arms))
+        return places, moves.swapaxes(2, 3)
 
     def _within(self, qpos: Floats) -> Floats:
         robot, found = self._robot, np.array(qpos)
