@@ -48,6 +48,10 @@ LETTERS = 40
 """Longest line of a name next to a chart [letters]: about half of its width."""
 LINE = 0.19
 """Height of a name [inches]."""
+LETTER = 0.07
+"""Mean width of its letters, 0.56 of their height of 9 points [inches]."""
+MARGIN, BELOW = 0.18, 0.42
+"""Around a chart, and below it: two lines of text and their ticks [inches]. matplotlib finds margins by drawing a chart twice more."""
 CURVES = 6
 """Number of joints with curves, the worst first."""
 ANGLES = ("wanted", "plain", "measured")
@@ -250,9 +254,13 @@ def _svg(name: str, height: float, draw: Callable[[Any], None]) -> str:
     from matplotlib.figure import Figure
 
     with matplotlib.rc_context({**STYLE, "svg.hashsalt": name, "svg.id": name}):
-        figure = Figure(figsize=(WIDTH, height), layout="constrained")
+        figure = Figure(figsize=(WIDTH, height))
         FigureCanvasSVG(figure)
-        draw(figure.subplots())
+        draw(axes := figure.subplots())
+        lines = [line for label in axes.get_yticklabels() for line in label.get_text().split("\n")]
+        left, right = MARGIN + LETTER * max(map(len, lines), default=0), WIDTH - MARGIN * len(figure.axes)
+        bottom = (BELOW if axes.get_xlabel() else BELOW / 2) / height
+        figure.subplots_adjust(left / WIDTH, bottom, right / WIDTH, 1 - MARGIN / 2 / height)
         text = io.StringIO()
         figure.savefig(text, format="svg", metadata={"Date": None})
     return _themed(text.getvalue()[text.getvalue().index("<svg") :])
