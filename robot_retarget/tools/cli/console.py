@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from math import degrees
+from operator import itemgetter
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
@@ -125,14 +126,8 @@ def show_robot(facts: dict[str, Any]) -> None:
     from robot_retarget.robot import shipped_robots
 
     say(f"{facts['name']}: {len(facts['joints'])} hinges, {facts['root']}, {facts['mass_kg']:g} kg ({facts['path']})\n")
-    rows = [
-        (
-            k,
-            *(degrees(v[bound]) for bound in ("lower", "upper", "max_speed")),
-            "-" if (t := v["max_torque"]) is None else t,
-        )
-        for k, v in facts["joints"].items()
-    ]
+    bounds = ("lower", "upper", "max_speed")
+    rows = [(k, *(degrees(v[bound]) for bound in bounds), v["max_torque"]) for k, v in facts["joints"].items()]
     table("Joints", ("joint", "lower [°]", "upper [°]", "speed [°/s]", "torque [N m]"), rows)
     if not facts["humanoid"]:
         say(f"no humanoid: {facts['reason']}")
@@ -231,17 +226,8 @@ def show_warnings(facts: dict[str, Any]) -> None:
     events, figures = facts["events"], facts["figures"]
     frames, fps = figures["frames"], figures["fps"]
     say(f"{figures['events']} warnings in {frames} frames at {fps:g} fps, {figures['contacts']} ended in contact")
-    rows = [
-        (
-            " – ".join(event["pair"]),
-            event["first_warning"],
-            event["predicted_contact"],
-            "-" if event["contact"] is None else str(event["contact"]),
-            event["lead_s"],
-            event["depth_m"],
-        )
-        for event in events
-    ]
+    figures_of = itemgetter("first_warning", "predicted_contact", "contact", "lead_s", "depth_m")
+    rows = [(" – ".join(event["pair"]), *figures_of(event)) for event in events]
     if rows:
         columns = ("pair", "first warning", "predicted contact", "contact", "lead (s)", "depth foreseen (m)")
         table("", columns, rows)
@@ -314,7 +300,7 @@ def _missing(facts: dict[str, Any]) -> None:
 
 
 def _cell(value: Any) -> str:
-    return f"{value:.3g}" if isinstance(value, float) else str(value)
+    return f"{value:.3g}" if isinstance(value, float) else "-" if value is None else str(value)
 
 
 # Progress bars with the time left, on stderr if that is a terminal.

@@ -1,7 +1,7 @@
 """The group `servos`: emulate, scan, check, calibrate, record, identify, predict, import, map."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -93,13 +93,12 @@ def emulate(how: EmulateOptions) -> None:
     from robot_retarget.actuators.map import load_map
     from robot_retarget.servo.emulator import emulator, scene_of
 
-    if how.view and not how.physics:
-        raise UsageError("--view needs --physics: without it there is no robot to show")
+    for name, why in (("view", "there is no robot to show"), ("model", "the motors turn alone")):
+        if getattr(how, name) and not how.physics:
+            raise UsageError(f"--{name} needs --physics: without it {why}")
     if how.pendulum and how.physics:
         raise UsageError("--pendulum loads separate motors; with --physics the model is the load")
     servo_map = load_map(how.map_name)
-    if how.model is not None and not how.physics:
-        raise UsageError("--model needs --physics: without it the motors turn alone")
     body = (opt.load(str(how.model)).spec() if how.model else scene_of(servo_map.robot)) if how.physics else None
     pace, weight = _pace(how.baud, how.usb_latency), _pendulum(how.pendulum) if how.pendulum else None
     what = (how.strict, how.return_delay, how.view, how.lockstep, weight)
@@ -116,14 +115,11 @@ def scan(
     """Find the servos on a port, at every baud rate."""
     from robot_retarget.servo.drafting import find_servos
 
-    found = [
-        one._asdict() | {"model": one.model.name if one.model else f"model {one.number}"}
-        for one in find_servos(port, baud or (), last)
-    ]
-    heads = ("id", "model", "firmware", "baud", "protocol")
-    found = [{head: row[head] for head in heads} for row in found]
-    rows = [tuple(row.values()) for row in found]
-    printing.show(found, lambda _: console.table("Servos", heads, rows))
+    heads, found = ("id", "model", "firmware", "baud", "protocol"), list[dict[str, Any]]()
+    for one in find_servos(port, baud or (), last):
+        row = one._asdict() | {"model": one.model.name if one.model else f"model {one.number}"}
+        found.append({head: row[head] for head in heads})
+    printing.show(found, lambda _: console.table("Servos", heads, [tuple(row.values()) for row in found]))
     if len({row["protocol"] for row in found}) > 1:
         console.note("Servos of Protocol 1 and 2 share the port: give each protocol a port and a map of its own.")
     if not found:
