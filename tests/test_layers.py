@@ -29,7 +29,7 @@ LAYERS = {
     "collision": {"trajectory", "robot", "scene"},
     "solver": {"contact", "trajectory", "robot", "human", "graph", "scores", "scene", "collision"},
     "papers": {"human", "graph"},
-    "judge": {"contact", "scores", "trajectory", "robot", "solver", "actuators", "collision", "scene"},
+    "judge": {"contact", "scores", "trajectory", "human", "robot", "solver", "actuators", "collision", "scene"},
     "servo": {"actuators", "trajectory", "scene"},
     "formats": {"actuators", "trajectory", "human", "robot", "scene", "contact"},
     "edit": {"actuators", "contact", "trajectory", "robot", "human", "graph", "solver", "formats", "judge", "scene"},

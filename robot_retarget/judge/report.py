@@ -16,6 +16,9 @@ from robot_retarget.base.untrusted.documents import FORMAT_VERSION, SEAL, conten
 from robot_retarget.base.version import VERSION
 from robot_retarget.collision import Warnings
 from robot_retarget.contact.stance import Stance, planned_stance
+from robot_retarget.human.features import features_of
+from robot_retarget.human.match import match
+from robot_retarget.human.motion import Motion
 from robot_retarget.judge.cures import Cure, Origin
 from robot_retarget.judge.feedback import feedback_figures
 from robot_retarget.judge.figures import (
@@ -37,7 +40,7 @@ from robot_retarget.judge.verdict import Badge, Thresholds, at_edge, badge_of, c
 from robot_retarget.robot.contacts import Contacts
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.support import feet_of
-from robot_retarget.scores.likeness import unlikeness
+from robot_retarget.scores.likeness import likeness_of, unlikeness
 from robot_retarget.trajectory import Trajectory
 
 # Score of the warnings: contacts on the servos that were predicted, and warnings that came true.
@@ -227,6 +230,8 @@ class SimulatedTrajectory:
     warnings: Warnings | None = None
     fallen: tuple[bool, ...] = ()
     """Per drawn simulation, whether the robot fell."""
+    human: Motion | None = None
+    """With which a motion under a policy is compared."""
 
 
 def build_report(
@@ -243,6 +248,7 @@ def build_report(
     fall = fall_figures(rollout, robot, trajectory) if free else {}
     stance = stance_of(plant, rollout) if free else planned_stance(robot, trajectory)
     until = fall.get("fall_s")
+    executed = as_executed(trajectory, rollout, tracking.times) if len(tracking.times) else None
     figures: dict[str, Any] = {
         "mode": played.mode,
         "balance": trajectory.balance,
@@ -263,7 +269,7 @@ def build_report(
         **feedback_figures(rollout.added, rollout.stopped, rollout.times, robot.joint_names, until),
         **(stance_figures(stance, until) if free else {}),
         **_foreseen(played, until),
-        **trajectory.likeness,
+        **(trajectory.likeness if plant.policy is None else _under_policy(played, executed, until)),
         "draws": len(played.fallen),
         **({"fallen_share": sum(played.fallen) / len(played.fallen)} if played.fallen else {}),
         "notes": [*plant.notes, *_choices(played)],
@@ -275,12 +281,6 @@ def build_report(
         figures["notes"].append(f"no robot plays this standing on its own feet: {figures['not_standing']}")
     series = {**_tracks(tracking, at_frames(trajectory, robot, played.plain), plant), **_stands(stance)}
     series["simulated"] = _poses(rollout, tracking.times)
-    executed = as_executed(trajectory, rollout, tracking.times) if len(tracking.times) else None
-    if plant.policy is not None and executed is not None:
-        moves = ((q[-1] - q[0])[robot.root_address :][:2] for q in (executed.qpos, trajectory.qpos))
-        figures |= zip(
-            ("way_m", "planned_way_m"), (round(float(np.linalg.norm(move)), 4) for move in moves), strict=True
-        )
     touched = touches(own_contacts(rollout, robot, until), rollout.times, robot)
     return Report(
         "fail" if reasons else "pass", reasons, figures, sha256, robot.name,
@@ -295,6 +295,10 @@ def series_of(trajectory: Trajectory, plant: Plant, rollout: Rollout) -> dict[st
     return {**_tracks(tracking, tracking, plant), "simulated": _poses(rollout, tracking.times)}
 
 
+OF_A_PLAN = ("stride", "pace", "steps_shortened", "not_standing", "unfinished_share")
+"""Figures of likeness that a plan of steps and its solution have, and an executed motion has not."""
+
+
 def _choices(played: SimulatedTrajectory) -> list[str]:
     """Notes on tests that were left out, and how to run them."""
     notes, robot = [], played.plant.robot
@@ -302,7 +306,26 @@ def _choices(played: SimulatedTrajectory) -> list[str]:
         notes.append("the pelvis is held: balance is not tested; legs 'stand' keeps both feet in place and tests it")
     if played.trajectory.likeness.get("legs") == "stand":
         notes.append("both feet stay in place by choice (legs 'stand'): legs, path, heading and steps are not compared")
+    if played.plant.policy is not None and played.human is None:
+        notes.append("the motion under the policy is not compared with the human: give the motion (--motion)")
     return notes
+
+
+def _under_policy(played: SimulatedTrajectory, executed: Trajectory | None, until: float | None) -> dict[str, Any]:
+    """Return the way of the root, and the likeness of the motion as executed, up to a fall at `until` [s], where the human is known."""
+    if executed is None:
+        return {}
+    robot, plan = played.plant.robot, played.trajectory
+    way, planned = (np.linalg.norm((q[-1] - q[0])[robot.root_address :][:2]) for q in (executed.qpos, plan.qpos))
+    found: dict[str, Any] = {"way_m": round(float(way), 4), "planned_way_m": round(float(planned), 4)}
+    if played.human is None:
+        return found
+    human = played.human.at_source_time(executed.source_time, executed.fps)
+    upright = slice(None if until is None else max(round(until * executed.fps), 2))
+    chosen = {name: plan.likeness[name] for name in ("slowdown", "legs") if name in plan.likeness}
+    what = (features_of(human, match(human, robot)), robot, executed.qpos, upright)
+    likeness = likeness_of(*what, scene=executed.scene, **chosen)
+    return found | likeness.figures() | dict.fromkeys(OF_A_PLAN)
 
 
 def _foreseen(played: SimulatedTrajectory, until: float | None) -> dict[str, Any]:

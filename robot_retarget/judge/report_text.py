@@ -149,5 +149,4 @@ def _pace(figures: Mapping[str, Any]) -> str:
 
 def _likeness(figures: Mapping[str, Any]) -> str:
     angle = figures.get("limb_rad")
-    whose = "its limbs" if "policy" not in figures else "the limbs of the plan"
-    return "" if angle is None else f", {whose} {shown(angle, 'rad')} from the human's on average"
+    return "" if angle is None else f", its limbs {shown(angle, 'rad')} from the human's on average"

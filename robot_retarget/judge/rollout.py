@@ -15,6 +15,8 @@ from robot_retarget.base.errors import UsageError
 from robot_retarget.base.progress import Count, Progress
 from robot_retarget.base.untrusted.documents import NAMES
 from robot_retarget.collision import Warnings
+from robot_retarget.human.motion import Motion
+from robot_retarget.human.read import as_motion
 from robot_retarget.judge.bodies import Objects
 from robot_retarget.judge.build import build_plant, crowded_body
 from robot_retarget.judge.compensate import compensated
@@ -73,6 +75,7 @@ def simulate(
     backlash: float = 0.0,
     objects: Objects = "carried",
     policy: Policy | str | Path | None = None,
+    motion: Motion | str | Path | None = None,
     progress: Progress | None = None,
 ) -> Report:
     """Play a trajectory and judge it.
@@ -107,12 +110,14 @@ def simulate(
             have mass, and only friction holds them.
         policy: a frozen controller, or its ONNX file (`policy_files.read_policy`), that makes the goals from the state in mode `free`; the
             trajectory is its reference. Servo map, compensation and feedback do not act, and `play` refuses the report.
+        motion: the human of the trajectory, or its file; by default that of the result. The motion under a policy is compared with it; without a policy
+            the trajectory's `likeness` is judged.
         progress: called with (steps done, steps in all), a step for each simulation.
 
     Raises:
         UsageError: an unknown mode, `free` for a robot without a free root, feedback without a sensor in the map, or a
             backlash out of bounds.
-        TrajectoryError: the file cannot be read, or is of another robot.
+        TrajectoryError: the file cannot be read, or is of another robot, or comes from another motion.
         RobotError: the robot's MJCF cannot be prepared, or a hinge has no servo.
     """
     played, robot = on_robot(trajectory, robot)
@@ -143,7 +148,11 @@ def simulate(
     fallen = _fallen(plant, judged, playback, draws, asked.fallen_share, count) if upright else ()
     if warnings is None and isinstance(trajectory, Result) and len(played) > 1:
         warnings = trajectory.warnings
-    outcome = SimulatedTrajectory(judged, chosen.plant, how, replayed, chosen.rollout, plain, warnings, fallen)
+    human = trajectory.source if motion is None and isinstance(trajectory, Result) else motion
+    human = None if human is None or policy is None else as_motion(human)
+    if human is not None:
+        played.require_source(human.source, human.source_sha256)
+    outcome = SimulatedTrajectory(judged, chosen.plant, how, replayed, chosen.rollout, plain, warnings, fallen, human)
     servos = trial_figures(trials, chosen) | ({} if policy is None else {"policy": policy.name})
     if policy is not None and not policy.contract.follows_joints:
         asked = replace(asked, tracking_rms=np.inf)

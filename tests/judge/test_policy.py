@@ -10,7 +10,8 @@ import pytest
 from made_trajectories import hold
 
 import robot_retarget as rr
-from robot_retarget.base.errors import ServoError, UsageError
+from robot_retarget.base.errors import ServoError, TrajectoryError, UsageError
+from robot_retarget.base.files import SAMPLES
 from robot_retarget.judge.build import build_plant
 from robot_retarget.judge.playback import Playback, plain_goals, roll_out
 from robot_retarget.judge.policy import (
@@ -291,14 +292,33 @@ def test_the_damping_of_a_contract_replaces_that_of_joints_whose_servos_have_non
 def test_a_report_under_a_policy_names_it_and_holds_the_motion_as_executed() -> None:
     plan = replace(hold(OP3, 0.5), likeness={"limb_rad": 0.1, "pace": 1.0})
     report = rr.simulate(plan, OP3, policy=REPEATS, draws=0)
-    assert report.badge.text == f"pass (free, under {REPEATS.name})"
+    assert report.badge.text == f"pass, likeness not judged (free, under {REPEATS.name})"
     assert not [name for name in report.figures if name.startswith("feedback")]
-    assert "the limbs of the plan" in headline(report)
+    assert "limb_rad" not in report.figures and "limbs" not in headline(report)
     executed = report.executed
     assert executed is not None and executed.goals is None and not executed.likeness
     np.testing.assert_array_equal(executed.qpos, report.series["simulated"])
     wrong = executed.qpos[:, OP3.qpos_index] - plan.qpos[:, OP3.qpos_index]
     assert np.sqrt((wrong**2).mean()) == pytest.approx(report.figures["tracking_rms_rad"], rel=0.05)
+
+
+def test_the_verdict_under_a_policy_is_that_of_the_motion_as_executed_and_not_of_its_plan(tmp_path: Path) -> None:
+    """A controller that stands still under the plan of a walk is unlike the walk, by the angles that `score` measures of its motion."""
+    walk = rr.read_motion(SAMPLES / "walk.bvh").frames(0, 150)
+    plan = rr.retarget(walk, OP3, balance="off")
+    stands = Policy(contract(Term("command_velocity")), lambda _: OP3.standing()[-N:])
+    report = rr.simulate(plan, OP3, policy=stands, draws=0)
+    assert (
+        plan.likeness.figures()["path_off"] < 0.1 and report.figures["path_off"] > 0.5 and report.executed is not None
+    )
+    assert any("root path" in sentence for sentence in report.unlike) and "unlike" in report.badge.text
+    limbs = rr.score(report.executed, OP3, motion=walk).figures["limb_deg_mean"]
+    assert np.degrees(report.figures["limb_rad"]) == pytest.approx(limbs, rel=0.05)
+    file = plan.trajectory.save(tmp_path / "plan.npz")
+    again = rr.simulate(file, OP3, policy=stands, draws=0, motion=walk)
+    assert again.figures["limb_rad"] == report.figures["limb_rad"] and again.unlike == report.unlike
+    with pytest.raises(TrajectoryError, match="comes from walk"):
+        rr.simulate(file, OP3, policy=stands, draws=0, motion=SAMPLES / "wave.bvh")
 
 
 def test_an_onnx_file_is_read_with_its_contract_beside_it(tmp_path: Path) -> None:

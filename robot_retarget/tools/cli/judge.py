@@ -36,6 +36,12 @@ class SimulateOptions(opt.JudgeOptions, opt.ServoOptions, opt.TrajectoryOptions)
         "A frozen controller that follows the trajectory: .npz, or .onnx with its contract in a file of the same folder or in its metadata.",
         default=None,
     )
+    motion: Path | None = option(
+        "The human motion of the trajectory, with which the motion under a policy is compared.",
+        "--motion",
+        "-m",
+        default=None,
+    )
     own_actuators: bool = option("The MJCF's actuators, no servos.", "--own-actuators", default=False)
     store: bool = option("Keep the judged goals in the trajectory's file, and write the report of it.", default=True)
     report_file: Path | None = option(
@@ -87,6 +93,7 @@ def simulate(how: SimulateOptions, robot: opt.RobotOptions, printing: opt.PrintO
             backlash=how.backlash,
             objects=how.objects,
             policy=how.policy,
+            motion=how.motion,
             progress=begin("simulate"),
         )
     report = replace(report, origin=_origin(how.trajectory, robot.robot, played))
