@@ -136,18 +136,19 @@ class Mechanics:
 
 
 PUBLISHED = {
-    "XM430-W350": {"ROBOTIS OP3": Mechanics(0.233, 0.03, 0.045), "ToddlerBot": Mechanics(0.08, 0.134, 0.0012)},
-    "XM430-W210": {"ToddlerBot": Mechanics(0.08, 0.134, 0.0012)},
-    "XC330-T288": {"ToddlerBot": Mechanics(0.134, 0.014, 0.0035)},
-    "XC430-W240": {"ToddlerBot": Mechanics(0.127, 0.069, 0.004)},
-    "2XC430-W250": {"ToddlerBot": Mechanics(0.075, 0.252, 0.0044)},
-    "2XL430-W250": {"ToddlerBot": Mechanics(0.12, 0.292, 0.0042)},
-    "XL430-W250": {"ToddlerBot": Mechanics(0.12, 0.292, 0.0042)},
+    "XM430-W350": {"ROBOTIS OP3": Mechanics(0.233, 0.03, 0.045), "ToddlerBot": Mechanics(0.0, 0.134, 0.0012)},
+    "XM430-W210": {"ToddlerBot": Mechanics(0.0, 0.134, 0.0012)},
+    "XC330-T288": {"ToddlerBot": Mechanics(0.0, 0.014, 0.0035)},
+    "XC430-W240": {"ToddlerBot": Mechanics(0.0, 0.069, 0.004)},
+    "2XC430-W250": {"ToddlerBot": Mechanics(0.0, 0.252, 0.0044)},
+    "2XL430-W250": {"ToddlerBot": Mechanics(0.0, 0.292, 0.0042)},
+    "XL430-W250": {"ToddlerBot": Mechanics(0.0, 0.292, 0.0042)},
 }
 """Identifications by servo and by the robot they were made on; the first is the nominal one.
 
-The identification of the OP3 is from MuJoCo Menagerie; its joint damping of 1.084 includes the back-EMF of 0.851. The XL430 has the gears of
-the 2XL430.
+The identification of the OP3 is from MuJoCo Menagerie; its joint damping of 1.084 includes the back-EMF of 0.851. Those of ToddlerBot (62cee1b)
+include it too: its motor model has no torque of speed below the speed of full torque. They are .075 to .134, less than the back-EMF of the data sheets, so
+that no damping is left for the gears. The XL430 has the gears of the 2XL430.
 """
 IDENTIFIED = {name: next(iter(sets.values())) for name, sets in PUBLISHED.items()}
 REFERENCE = "XM430-W350"

@@ -312,16 +312,17 @@ def _choices(played: SimulatedTrajectory) -> list[str]:
 
 
 def _under_policy(played: SimulatedTrajectory, executed: Trajectory | None, until: float | None) -> dict[str, Any]:
-    """Return the way of the root, and the likeness of the motion as executed, up to a fall at `until` [s], where the human is known."""
+    """Return the way of the root and, where the human is known, the likeness of the motion as executed, up to a fall at `until` [s]."""
     if executed is None:
         return {}
     robot, plan = played.plant.robot, played.trajectory
-    way, planned = (np.linalg.norm((q[-1] - q[0])[robot.root_address :][:2]) for q in (executed.qpos, plan.qpos))
+    upright = slice(None if until is None else max(round(until * executed.fps), 2))
+    ways = (qpos[upright, robot.root_address :][[0, -1], :2] for qpos in (executed.qpos, plan.qpos))
+    way, planned = (np.linalg.norm(end - start) for start, end in ways)
     found: dict[str, Any] = {"way_m": round(float(way), 4), "planned_way_m": round(float(planned), 4)}
     if played.human is None:
         return found
     human = played.human.at_source_time(executed.source_time, executed.fps)
-    upright = slice(None if until is None else max(round(until * executed.fps), 2))
     chosen = {name: plan.likeness[name] for name in ("slowdown", "legs") if name in plan.likeness}
     what = (features_of(human, match(human, robot)), robot, executed.qpos, upright)
     likeness = likeness_of(*what, scene=executed.scene, **chosen)

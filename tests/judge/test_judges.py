@@ -23,7 +23,7 @@ def test_the_toddlerbot_identification_is_the_published_one() -> None:
     nominal = drives_of(OP3)
     assert nominal is not None
     other = other_drives(nominal)["gears as ToddlerBot measured them"]
-    for values, published in ((other.damping, 0.08), (other.friction, 0.134), (other.armature, 0.0012)):
+    for values, published in ((other.damping, 0.0), (other.friction, 0.134), (other.armature, 0.0012)):
         np.testing.assert_allclose(values, published)
     for name in ("stiffness", "stall_torque", "back_emf", "derivative"):
         np.testing.assert_array_equal(getattr(other, name), getattr(nominal, name))

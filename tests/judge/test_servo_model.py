@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from made_trajectories import hold, robot_of, swing
 
-from robot_retarget.actuators.motors import IDENTIFIED, MOTORS
+from robot_retarget.actuators.motors import IDENTIFIED, MOTORS, PUBLISHED
 from robot_retarget.base.errors import RobotError, ServoError
 from robot_retarget.judge.build import build_plant
 from robot_retarget.judge.playback import Playback, roll_out
@@ -41,6 +41,16 @@ def test_a_free_wheel_runs_at_the_datasheets_speed_without_load(tmp_path, name):
     mujoco.mj_step(plant.model, data, 3000)
     assert data.qvel[0] == pytest.approx(MOTORS[name].no_load_speed, rel=1e-3)
     assert servo.current(data.actuator_force, data.qvel) == pytest.approx(0, abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "gears"), [(name, gears) for name, own in PUBLISHED.items() for gears in own.values()]
+)
+def test_published_gears_cost_a_free_servo_at_most_a_quarter_of_its_datasheets_speed(name, gears):
+    """The speed of a data sheet is that of the shaft: most of what the gears cost is in it already."""
+    motor = MOTORS[name]
+    speed = (motor.stall_torque - gears.friction) / (motor.back_emf + gears.damping)
+    assert 0.75 * motor.no_load_speed < speed < motor.no_load_speed
 
 
 @pytest.mark.parametrize(("name", "error"), [("XM430-W350", 0.217), ("XL330-M288", 0.434)])
