@@ -14,7 +14,7 @@ from robot_retarget.base.errors import UsageError, install_line
 from robot_retarget.base.files import replacing
 from robot_retarget.robot.model import Robot
 from robot_retarget.tools.view.picture import Picture, Pixels, Unavailable, labelled, without_pillow
-from robot_retarget.tools.view.render import MOVING, STILL, Finish, can_render, open_stage
+from robot_retarget.tools.view.render import MOVING, SMALL, STILL, Finish, can_render, open_stage
 from robot_retarget.tools.view.staging import Staging, arrange
 from robot_retarget.trajectory import Trajectory
 
@@ -124,7 +124,7 @@ def loop(
     pace = max(trajectory.duration * LOOP_FPS / MOST_PICTURES, 1.0)
     times = np.arange(0, max(trajectory.duration, 1 / LOOP_FPS), pace / LOOP_FPS)[:MOST_PICTURES]
     staging = arrange(robot, trajectory, human, bones, times)
-    with painter(staging, round(LOOP_HEIGHT * staging.aspect), LOOP_HEIGHT, finish=MOVING) as (paint, note):
+    with painter(staging, round(LOOP_HEIGHT * staging.aspect), LOOP_HEIGHT, finish=SMALL) as (paint, note):
         first, *others = [Image.fromarray(paint(k)) for k in range(len(times))]
     data = io.BytesIO()
     interval = round(1000 / LOOP_FPS)

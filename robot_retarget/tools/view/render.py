@@ -87,6 +87,8 @@ class Finish(NamedTuple):
 STILL = Finish(samples=4, shadows=2048, slices=28)
 MOVING = Finish(samples=0, shadows=1024, slices=16)
 """A fifth of the cost: in a film that is pressed as video, edges blur anyway."""
+SMALL = Finish(samples=0, shadows=512, slices=12)
+"""Three quarters of that cost: in a loop of 240 pixels the pictures look the same."""
 
 
 class Stage:
