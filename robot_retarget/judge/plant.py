@@ -161,22 +161,21 @@ class Plant:
     def _sag(self, data: mujoco.MjData, drives: Drives, supply: Supply) -> None:
         """Set the torque of the servos to that at the supply's voltage under the load of the last step."""
         model, driven = self.model, self.driven
-        servos, (stall, stiffness, derivative) = self.servos[driven], self._at_nominal
+        servos, ranges, gains, biases = self._at_nominal
         force, speed = data.qfrc_actuator[self.dofs], data.qvel[self.dofs]
         duty = force[driven] / model.actuator_forcerange[servos, 1]
         current = np.maximum(duty * drives.current(force, speed)[driven], 0.0).sum()
         share = max((supply.voltage - supply.resistance * float(current)) / drives.voltage, LEAST_SUPPLY)
-        model.actuator_forcerange[servos] = share * stall[:, None] * [-1.0, 1.0]
-        model.actuator_gainprm[servos, 0] = share * stiffness
-        model.actuator_biasprm[servos, 1] = -share * stiffness
-        model.actuator_biasprm[servos, 2] = -share * derivative
+        model.actuator_forcerange[servos] = share * ranges
+        model.actuator_gainprm[servos, 0] = share * gains
+        model.actuator_biasprm[servos, 1:3] = share * biases
 
     @cached_property
-    def _at_nominal(self) -> tuple[Floats, Floats, Floats]:
-        """Force range, stiffness and derivative (d,) of the driven hinges at the servos' voltage."""
+    def _at_nominal(self) -> tuple[Ints, Floats, Floats, Floats]:
+        """Actuators (d,), force ranges (d, 2), gains (d,) and biases (d, 2) of the driven hinges at the servos' voltage."""
         model, servos = self.model, self.servos[self.driven]
-        gains, bias = model.actuator_gainprm[servos, 0], model.actuator_biasprm[servos, 2]
-        return np.array(model.actuator_forcerange[servos, 1]), np.array(gains), np.array(-bias)
+        ranges, gains, biases = model.actuator_forcerange, model.actuator_gainprm, model.actuator_biasprm
+        return servos, ranges[servos], gains[servos, 0], biases[servos, 1:3]
 
     def with_drives(self, drives: Drives) -> "Plant":
         """Return the plant with the gears and rotors of other drives; their motors are the same."""
