@@ -29,9 +29,10 @@ from robot_retarget.human.segments import (
     visible_segments,
 )
 from robot_retarget.human.touches import Surroundings, surroundings_of
+from robot_retarget.human.up_axis import centre_of_mass
 
 FALL = 0.4
-"""Flights of five captures have the acceleration g within 0.22 of it; the pelvis is not the centre of mass [-]."""
+"""Flights of five captures have the acceleration g within 0.22 of it by the pelvis; that of the centre of mass is nearer [-]."""
 SHORTEST_FLIGHT = 2
 """Frames of the shortest flight: 2, whose mean acceleration needs a frame to either side."""
 
@@ -157,7 +158,7 @@ class HumanFeatures:
     ankle_height: float = 0.0
     """Height of the lowest ankle above the floor while it stands [m]."""
     falls: Floats | None = None
-    """(T, 2) in flight, the height of the pelvis over the line from take-off to landing, and that of free fall; 0 elsewhere [m].
+    """(T, 2) in flight, the height of the centre of mass over the line from take-off to landing, and that of free fall; 0 elsewhere [m].
     None if it is not examined, as in a stream."""
     around: Surroundings | None = None
     """The bodies around, where the human touches them, and the ground under the feet; None without a scene."""
@@ -229,7 +230,7 @@ def features_of(motion: Motion, match: Match) -> HumanFeatures:
     contacts = contact_schedule(match.named(level), match.human_leg, fps, clip.contacts)
     calibration = calibrate(clip, match, x, floor, contacts)
     axes = calibration.axes(x, clip.rotations)
-    segments = calibration.named(axes)
+    segments, mass = calibration.named(axes), centre_of_mass(match.recognition, match.recognition.place(clip.positions))
     contacts = settled(on_soles(contacts, segments), fps)
     whole = HumanFeatures(
         x,
@@ -240,33 +241,30 @@ def features_of(motion: Motion, match: Match) -> HumanFeatures:
         calibration,
         fps,
         _ankle_height(level, match),
-        falls_of(x, match, contacts.flying, fps),
+        falls_of(mass[:, 2] - floor, match, contacts.flying, fps),
         None if around is None else around.without_stances(contacts),
     )
     return whole.at(motion.span)
 
 
-def falls_of(x: Floats, match: Match, airborne: Bools, fps: float) -> Floats:
-    """Return (T, 2) how far the pelvis is over the line from take-off to landing, and a body in free fall; 0 out of flights [m].
+def falls_of(z: Floats, match: Match, airborne: Bools, fps: float) -> Floats:
+    """Return (T, 2) how far the centre of mass is over the line from take-off to landing, and in free fall; 0 out of flights [m].
 
-    With z the height of the pelvis, a and b the frames before and after a flight and τ the time since a,
+    With z its height, a and b the frames before and after a flight and τ the time since a,
 
         own = z(τ) − z(a) − (z(b) − z(a)) τ/T,    fall = g τ (T − τ) / 2,    T the time from a to b.
 
-    A flight is a time in the air in which the human falls: frames at its ends are left out until the parabola that fits the
-    pelvis has an acceleration within `FALL` of g. The path of a robot is exact and falls as it does: own = fall.
+    A flight is a time in the air in which the human falls: frames at its ends are left out until the parabola that fits z
+    has an acceleration within `FALL` of g. The path of a robot is exact and falls as it does: own = fall.
 
     Args:
-        x: (T, K, 3) keypoints over level ground [m].
+        z: (T,) over level ground [m].
         match: keypoints that human and robot share.
         airborne: (T,) whether no foot is on the ground.
         fps: frames per second [1/s].
     """
-    falls = np.zeros((len(x), 2))
-    if "pelvis" not in match.keypoints:
-        return falls
-    z = x[:, match.index("pelvis"), 2]
-    for start, stop in intervals(airborne):
+    falls = np.zeros((len(z), 2))
+    for start, stop in intervals(airborne) if "pelvis" in match.keypoints else ():
         while start > 0 and stop < len(z) and stop - start >= SHORTEST_FLIGHT:
             time = np.arange(stop - start + 2) / fps
             own = z[start - 1 : stop + 1]

@@ -35,6 +35,32 @@ def test_the_path_of_a_robot_of_any_size_falls_freely_in_the_humans_time(robot: 
     assert height.max() - height[: first // 2].max() == pytest.approx(g * TIME**2 / 8, rel=0.2)
 
 
+def test_the_centre_of_mass_falls_freely_whatever_the_legs_do() -> None:
+    """Shanks and feet, and the knee ends of thighs, are 0.222 of the body [Winter2009]. They rise so that its mass falls at g, its pelvis at 0.7 g."""
+    motion = rr.read_motion(SAMPLES / "wave.bvh")
+    since = np.arange(len(motion)) / motion.fps - BEGIN
+    rise = g * np.clip(since * (TIME - since), 0, None) / 2
+    legs = [any(part in name for part in ("Knee", "Ankle", "Toe")) for name in motion.skeleton.names]
+    lifts = rise[:, None] * (0.7 + 0.3 / 0.222 * np.array(legs))
+    tucked = replace(motion, positions=motion.positions + lifts[..., None] * [0.0, 0.0, 1.0])
+    graph = rr.describe(tucked, "g1_class")
+    first, last = (round((BEGIN + share * TIME) * graph.fps) for share in (0.15, 0.85))
+    fall = np.diff(graph.pelvis[:, 2], 2)[first - 1 : last - 1] * graph.fps**2
+    np.testing.assert_allclose(fall, -g * (1 - 0.3 * graph.match.leg_ratio), rtol=0.05)
+
+
+@pytest.mark.parametrize("robot", ["op3", "g1_class"])
+def test_the_ground_gives_back_the_speed_that_a_flight_takes(robot: str) -> None:
+    """The sum of second differences is the change of the speed, that of the path."""
+    graph = hop(robot)
+    track = graph.kinds["smoothness"]
+    bend = track.lower[1:-1, track.ends.index(("root 2", "second difference"))]
+    speed = np.diff(graph.pelvis[:, 2])
+    assert bend.sum() == pytest.approx(speed[-1] - speed[0], abs=1e-9)
+    flight = slice(*(round((BEGIN + share * TIME) * graph.fps) for share in (0.2, 0.8)))
+    np.testing.assert_allclose(bend[flight] * graph.fps**2, -g, rtol=0.1)
+
+
 def test_the_ground_has_no_flights() -> None:
     falls = rr.describe(SAMPLES / "walk.bvh", "op3").human.falls
     assert falls is not None and not falls.any()

@@ -5,10 +5,9 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from scipy.constants import g
 from scipy.ndimage import gaussian_filter1d
 
-from robot_retarget.base.arrays import Bools, Floats
+from robot_retarget.base.arrays import Bools, Floats, intervals
 from robot_retarget.graph.kind import (
     Form,
     FrameTargets,
@@ -185,9 +184,8 @@ class SmoothnessKind(Kind):
         kappa = weights.smooth * (human.fps / REFERENCE_FPS) ** 4
         bend = np.zeros((len(human), len(names)))
         if context.robot.floating:
-            bend[1:-1, names.index(UP)] = _bounce(pelvis_path(human, context.match)[:, 2], human.fps)
-            if human.falls is not None:
-                bend[human.falls[:, 1] > 0, names.index(UP)] = -g / human.fps**2
+            flies = np.zeros(len(human), bool) if human.falls is None else human.falls[:, 1] > 0
+            bend[1:-1, names.index(UP)] = _bounce(pelvis_path(human, context.match)[:, 2], human.fps, flies)
         ends = [(name, "second difference") for name in names]
         return exact(self, ends, bend, kappa, _scales(context, weights.smooth_root, weights.smooth_turn))
 
@@ -196,7 +194,8 @@ class SmoothnessKind(Kind):
         if (UP, "second difference") not in track.ends:
             return track
         bend = track.lower.copy()
-        bend[1:-1, track.ends.index((UP, "second difference"))] = _bounce(grounding.height, grounding.fps)
+        flies = np.zeros(len(bend), bool)
+        bend[1:-1, track.ends.index((UP, "second difference"))] = _bounce(grounding.height, grounding.fps, flies)
         return replace(track, lower=bend, upper=bend)
 
     def played(self, track: Track, measured: Measures, frames: PlaybackFrames) -> Track:
@@ -204,9 +203,15 @@ class SmoothnessKind(Kind):
         return replace(track, lower=np.zeros_like(track.lower), upper=np.zeros_like(track.upper))
 
 
-def _bounce(height: Floats, fps: float) -> Floats:
-    """Return the second differences (T − 2,) of heights (T,), smoothed [m]."""
-    return np.diff(gaussian_filter1d(height, BOUNCE * fps, mode="nearest"), 2)
+def _bounce(height: Floats, fps: float, flies: Bools) -> Floats:
+    """Return the second differences (T − 2,) of heights (T,), smoothed within flights and between them [m].
+
+    Each part keeps its sum, the change of the speed: free fall stays what it is, and the ground gives back what it takes.
+    """
+    bend, flies = np.diff(height, 2), flies[1:-1]
+    for start, stop in (*intervals(flies), *intervals(~flies)):
+        bend[start:stop] = gaussian_filter1d(bend[start:stop], BOUNCE * fps, mode="reflect")
+    return bend
 
 
 class JerkKind(Kind):
