@@ -8,7 +8,7 @@ from robot_retarget.base.arrays import Bools, Floats
 from robot_retarget.graph.added import FIRM, End, HeldKind, body_of
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.kind import Form, Role, Track
-from robot_retarget.graph.track import FRAME, HARD, SECOND_DIFFERENCE
+from robot_retarget.graph.track import FRAME, HARD
 from robot_retarget.robot import Robot
 from robot_retarget.robot.anatomy import LIMBS, joints_by_limb
 from robot_retarget.robot.kinematics import carrying, difference, tangent_names
@@ -89,14 +89,12 @@ def _legs(graph: RobotGraph, free: Bools) -> list[str]:
 
 
 def _own(robot: Robot, track: Track, values: Floats, qpos: Floats) -> Track:
-    """Return a cost whose targets are its values at configurations (T, nq), but for third differences, which have 0."""
-    if track.kind.form is Form.SYMBOLIC:
-        return track.bounded(values, values)
-    if track.stencil != SECOND_DIFFERENCE:
-        return track
-    bend, names = np.zeros(track.lower.shape), tangent_names(robot)
+    """Return a cost whose targets are its values at configurations (T, nq)."""
+    if track.kind.form is not Form.JOINT:
+        return track.bounded(values, values) if track.kind.form is Form.SYMBOLIC else track
+    bend, names, order = np.zeros(track.lower.shape), tangent_names(robot), len(track.stencil) - 1
     columns = [names.index(end) for end, _ in track.ends]
-    bend[1:-1] = np.diff(difference(robot, qpos[:-1], qpos[1:]), axis=0)[:, columns]
+    bend[1 : 1 - order] = np.diff(difference(robot, qpos[:-1], qpos[1:]), order - 1, axis=0)[:, columns]
     return track.bounded(bend, bend)
 
 

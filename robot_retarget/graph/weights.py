@@ -82,11 +82,11 @@ class Weights:
     """Squared second differences of the joints at `REFERENCE_FPS` [1/rad²] (; 3.65, 3.76; 250, 239) ..."""
     jerk: float = 24.0
     """... and third ones (; 3.63, 3.78; 285, 207)."""
-    smooth_root: float = 288.0
-    """Factor for the place of the root: legs absorb what would accelerate the whole body [rad²/m²] (; 3.69, 3.69; 239,
-    254) ..."""
+    smooth_root: float = 120.0
+    """Factor for the place of the root, in both: legs absorb what would accelerate the whole body [rad²/m²] (; 3.69, 3.69; 193,
+    201; three runs on the G1 have a jerk of the root of 91 m/s³, 116 and 74 with half and double) ..."""
     smooth_turn: float = 45.0
-    """... and for its rotation [-]: double adds .05° to the limb errors of fifteen clips on the G1 and the OP3."""
+    """... and for its rotation, in second ones [-]: double adds .05° to the limb errors of fifteen clips on the G1 and the OP3."""
     inertia: float = 0.5
     """Inertia of hinges in streams, as a share of that of `RealTime.frequency` [-] (in streams of the two 10.0 and 11.0, and
     12.5 with this one; jerk 1650, 1280 and 1320 rad/s³) ..."""

@@ -222,7 +222,8 @@ def features_of(motion: Motion, match: Match) -> HumanFeatures:
     if motion.scrambled:
         raise MotionError(motion.scrambled, motion.source)
     clip, fps, rule = motion.clip, motion.fps, ActivityRule()
-    x = match.human_positions(clip)
+    placed, keypoints = match.recognition.place(clip.positions), match.recognition.keypoints
+    x = placed[:, [keypoints.index(name) for name in match.keypoints]]
     floor = floor_under(x, match, fps) if clip.scene is None else np.zeros(len(x))
     x = x - floor[:, None, None] * [0.0, 0.0, 1.0]
     around = None if clip.scene is None else surroundings_of(clip, match, x)
@@ -230,7 +231,7 @@ def features_of(motion: Motion, match: Match) -> HumanFeatures:
     contacts = contact_schedule(match.named(level), match.human_leg, fps, clip.contacts)
     calibration = calibrate(clip, match, x, floor, contacts)
     axes = calibration.axes(x, clip.rotations)
-    segments, mass = calibration.named(axes), centre_of_mass(match.recognition, match.recognition.place(clip.positions))
+    segments, mass = calibration.named(axes), centre_of_mass(match.recognition, placed)
     contacts = settled(on_soles(contacts, segments), fps)
     whole = HumanFeatures(
         x,

@@ -135,8 +135,8 @@ def _values_refused(track: Track, robot: Robot) -> str:
         return ""
     if not (np.isinf(track.huber_delta) and track.exact):
         return "differences of joints have one target and squared errors"
-    moved = track.stencil in (CAUSAL_DIFFERENCE, THIRD_DIFFERENCE) and track.lower.any()
-    return "differences from the two frames before and third ones have the target 0" if moved else ""
+    moved = track.stencil == CAUSAL_DIFFERENCE and track.lower.any()
+    return "differences from the two frames before have the target 0" if moved else ""
 
 
 class CompiledTracks:

@@ -61,6 +61,14 @@ def test_the_ground_gives_back_the_speed_that_a_flight_takes(robot: str) -> None
     np.testing.assert_allclose(bend[flight] * graph.fps**2, -g, rtol=0.1)
 
 
+def test_the_jerk_of_the_root_is_that_of_its_bounce_and_of_no_other_direction() -> None:
+    graph = hop("g1_class")
+    target, names = graph.kinds["jerk"].lower, [end for end, _ in graph.kinds["jerk"].ends]
+    bend = graph.kinds["smoothness"].lower[1:-1, names.index("root 2")]
+    np.testing.assert_allclose(target[1:-2, names.index("root 2")], np.diff(bend), atol=1e-12)
+    assert not np.delete(target, names.index("root 2"), axis=1).any()
+
+
 def test_the_ground_has_no_flights() -> None:
     falls = rr.describe(SAMPLES / "walk.bvh", "op3").human.falls
     assert falls is not None and not falls.any()

@@ -173,11 +173,13 @@ def test_a_smooth_motion_costs_as_much_a_frame_at_every_rate(kind: str, order: i
     np.testing.assert_allclose(costs, np.tile(costs[1], (3, 1)), rtol=1e-9)
 
 
-def test_squares_of_the_root_count_by_their_weights_beside_those_of_hinges() -> None:
+@pytest.mark.parametrize("kind", ["smoothness", "jerk"])
+def test_squares_of_the_root_count_by_their_weights_beside_those_of_hinges(kind: str) -> None:
     graph = describe(read_motion(SAMPLES / "wave.bvh").frames(0, 3), load_robot("op3"))
-    track, weights = graph.kinds["smoothness"], graph.weights
+    track, weights = graph.kinds[kind], graph.weights
     counted = dict(zip([end for end, _ in track.ends], track.scale**-2.0, strict=True))
-    root = {f"root {k}": weights.smooth_root if k < 3 else weights.smooth_turn for k in range(6)}
+    turn = weights.smooth_turn if kind == "smoothness" else 1.0
+    root = {f"root {k}": weights.smooth_root if k < 3 else turn for k in range(6)}
     assert counted == pytest.approx(dict.fromkeys(graph.robot.joint_names, 1.0) | root)
 
 

@@ -15,11 +15,10 @@ from robot_retarget.base.files import SAMPLES
 
 MOST = {
     "human/recognition/recognise.py:recognise": 1,
-    "human/match.py:human_positions": 2,
     "human/features.py:floor_under": 1,
     "contact/rule.py:contact_schedule": 1,
     "human/features.py:calibrate": 1,
-    "human/recognition/recognise.py:place": 8,
+    "human/recognition/recognise.py:place": 9,
 }
 """Calls from file to likeness; the reader places keypoints again after each repair."""
 

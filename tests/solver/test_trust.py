@@ -62,8 +62,10 @@ def check_sum(solution: Solution) -> None:
     bend = (weight * (graph.fps / 30) ** 4 * away**2).sum(axis=1)
     assert np.allclose(solution.stress["smoothness"][1:-1], bend, rtol=1e-9)
     total[1:-1] += bend
-    hinges = np.diff(qpos[:, graph.robot.qpos_index], 3, axis=0)
-    jerk = graph.weights.jerk * (graph.fps / 30) ** 6 * (hinges**2).sum(axis=1)
+    weight = np.full(graph.robot.model.nv, graph.weights.jerk)
+    weight[:3] *= graph.weights.smooth_root
+    away = np.diff(speed, 2, axis=0) - graph.kinds["jerk"].lower[1:-2]
+    jerk = (weight * (graph.fps / 30) ** 6 * away**2).sum(axis=1)
     assert np.allclose(solution.stress["jerk"][1:-2], jerk, rtol=1e-6)
     total[1:-2] += jerk
     total += sum(solution.stress.get(kind, 0.0) for kind in ("separation", "coupling", "interaction"))

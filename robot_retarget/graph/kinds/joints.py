@@ -179,57 +179,58 @@ class SmoothnessKind(Kind):
     form = Form.JOINT
 
     def targets(self, context: RetargetContext) -> Track:
-        """κ at the frame rate: a second difference scales with the squared time between frames."""
-        human, weights, names = context.human, context.weights, tangent_names(context.robot)
-        kappa = weights.smooth * (human.fps / REFERENCE_FPS) ** 4
-        bend = np.zeros((len(human), len(names)))
+        """π at the frame rate: a difference of order n scales with the time between frames to the power n."""
+        human, names, order = context.human, tangent_names(context.robot), len(self.stencil) - 1
+        weight, scales = self._weights(context)
+        target = np.zeros((len(human), len(names)))
         if context.robot.floating:
             flies = np.zeros(len(human), bool) if human.falls is None else human.falls[:, 1] > 0
-            bend[1:-1, names.index(UP)] = _bounce(pelvis_path(human, context.match)[:, 2], human.fps, flies)
-        ends = [(name, "second difference") for name in names]
-        return exact(self, ends, bend, kappa, _scales(context, weights.smooth_root, weights.smooth_turn))
+            height = pelvis_path(human, context.match)[:, 2]
+            target[1 : 1 - order, names.index(UP)] = _bounce(height, human.fps, flies, order)
+        ends = [(name, f"{('second', 'third')[order - 2]} difference") for name in names]
+        return exact(self, ends, target, weight * (human.fps / REFERENCE_FPS) ** (2 * order), scales)
+
+    def _weights(self, context: RetargetContext) -> tuple[float, Floats]:
+        """Return π at `REFERENCE_FPS`, and the scales (nv,)."""
+        weights = context.weights
+        return weights.smooth, _scales(context, weights.smooth_root, weights.smooth_turn)
 
     def grounded(self, track: Track, grounding: Grounding) -> Track:
         """Return the root's target without free fall."""
-        if (UP, "second difference") not in track.ends:
+        names, order = [name for name, _ in track.ends], len(self.stencil) - 1
+        if UP not in names:
             return track
-        bend = track.lower.copy()
-        flies = np.zeros(len(bend), bool)
-        bend[1:-1, track.ends.index((UP, "second difference"))] = _bounce(grounding.height, grounding.fps, flies)
-        return replace(track, lower=bend, upper=bend)
+        target, flies = track.lower.copy(), np.zeros(len(track.lower), bool)
+        target[1 : 1 - order, names.index(UP)] = _bounce(grounding.height, grounding.fps, flies, order)
+        return replace(track, lower=target, upper=target)
 
     def played(self, track: Track, measured: Measures, frames: PlaybackFrames) -> Track:
         """Return the target 0: the pace differs from the human's."""
         return replace(track, lower=np.zeros_like(track.lower), upper=np.zeros_like(track.upper))
 
 
-def _bounce(height: Floats, fps: float, flies: Bools) -> Floats:
-    """Return the second differences (T − 2,) of heights (T,), smoothed within flights and between them [m].
+def _bounce(height: Floats, fps: float, flies: Bools, order: int) -> Floats:
+    """Return the differences (T − order,) of heights (T,) [m], whose second differences are smoothed in and between flights.
 
     Each part keeps its sum, the change of the speed: free fall stays what it is, and the ground gives back what it takes.
     """
     bend, flies = np.diff(height, 2), flies[1:-1]
     for start, stop in (*intervals(flies), *intervals(~flies)):
         bend[start:stop] = gaussian_filter1d(bend[start:stop], BOUNCE * fps, mode="reflect")
-    return bend
+    return np.diff(bend, order - 2)
 
 
-class JerkKind(Kind):
-    """Third difference q_{t+2} − 3 q_{t+1} + 3 q_t − q_{t−1} of every hinge [rad], 0.
+class JerkKind(SmoothnessKind):
+    """Third difference q_{t+2} − 3 q_{t+1} + 3 q_t − q_{t−1} of every tangent direction [rad or m], with the targets of such.
 
-    It keeps the accelerations of a fast limb, and stops what alternates from frame to frame.
+    It keeps the accelerations of a fast limb and of a bounce, and stops what alternates from frame to frame.
     """
 
     name = "jerk"
     stencil = THIRD_DIFFERENCE
-    form = Form.JOINT
-    follows_human = False
 
-    def targets(self, context: RetargetContext) -> Track:
-        """κ at the frame rate: a third difference scales with the cubed time between frames."""
-        human, names = context.human, context.robot.joint_names
-        kappa = context.weights.jerk * (human.fps / REFERENCE_FPS) ** 6
-        return exact(self, [(name, "third difference") for name in names], np.zeros((len(human), len(names))), kappa)
+    def _weights(self, context: RetargetContext) -> tuple[float, Floats]:
+        return context.weights.jerk, _scales(context, context.weights.smooth_root, 1.0)
 
 
 class InertiaKind(Kind):
