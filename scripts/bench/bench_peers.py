@@ -27,14 +27,7 @@ STEPS = (2, 4)
 
 def peers(clone: Path, clip: str, first: int, last: int) -> dict[str, float]:
     """Return frames per second of GMR and of placo; runs in their environment."""
-    package = ModuleType("general_motion_retargeting")  # its own __init__ imports viewers and torch
-    package.__path__ = [str(clone / "general_motion_retargeting")]
-    sys.modules["general_motion_retargeting"] = package
-    from general_motion_retargeting.motion_retarget import GeneralMotionRetargeting  # pyright: ignore
-    from general_motion_retargeting.utils.lafan1 import load_bvh_file  # pyright: ignore
-
-    frames, height = load_bvh_file(clip)
-    gmr = GeneralMotionRetargeting("bvh_lafan1", "unitree_g1", height, verbose=False)
+    frames, gmr = gmr_of(clone, clip)
     frames, targets, took = frames[first:last], [], 0.0
     gmr.retarget(frames[0])
     for frame in frames:
@@ -45,6 +38,27 @@ def peers(clone: Path, clip: str, first: int, last: int) -> dict[str, float]:
             [[task.transform_target_to_world.as_matrix() for task in tasks] for tasks in (gmr.tasks1, gmr.tasks2)]
         )
     return {"GMR": len(frames) / took, "placo": with_placo(clone, gmr, targets)}
+
+
+def gmr_of(clone: Path, clip: str) -> tuple[list[Any], Any]:
+    """Return GMR's frames of a clip, and its solver for the human's height."""
+    package = ModuleType("general_motion_retargeting")  # its own __init__ imports viewers and torch
+    package.__path__ = [str(clone / "general_motion_retargeting")]
+    sys.modules["general_motion_retargeting"] = package
+    from general_motion_retargeting.motion_retarget import GeneralMotionRetargeting  # pyright: ignore
+    from general_motion_retargeting.utils.lafan1 import load_bvh_file  # pyright: ignore
+
+    frames, height = load_bvh_file(clip)
+    gmr = GeneralMotionRetargeting("bvh_lafan1", "unitree_g1", height, verbose=False)
+    return frames, gmr
+
+
+def write_gmr(clone: Path, clip: str, first: int, last: int) -> None:
+    """Write GMR's configurations of frames beside their clip (`.npy`), the first frame solved 30 times; runs in its environment."""
+    frames, gmr = gmr_of(clone, clip)
+    for frame in [frames[first]] * 30:
+        gmr.retarget(frame)
+    np.save(Path(clip).with_suffix(".npy"), [gmr.retarget(frame).copy() for frame in frames[first:last]])
 
 
 def with_placo(clone: Path, gmr: Any, targets: list[Any]) -> float:
@@ -111,11 +125,13 @@ def main() -> None:
     parser.add_argument("--cases", nargs="+", required=True, metavar="FILE:FIRST:LAST")
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--peers", action="store_true", help=argparse.SUPPRESS)
+    parser.add_argument("--write", action="store_true", help=argparse.SUPPRESS)
     given = parser.parse_args()
     cases = [(clip, int(first), int(last)) for clip, first, last in (case.rsplit(":", 2) for case in given.cases)]
+    if given.write:
+        return write_gmr(given.gmr, *cases[0])
     if given.peers:
-        print("\n" + json.dumps(peers(given.gmr, *cases[0])))
-        return
+        return print("\n" + json.dumps(peers(given.gmr, *cases[0])))
     print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores, mujoco {importlib.metadata.version('mujoco')}\n")
     print("| case | frames | solver | frames/s | × GMR |\n|---|---|---|---|---|")
     for case, words in zip(cases, given.cases, strict=True):
