@@ -16,12 +16,11 @@ PRESETS: dict[Preset, dict[str, float]] = {
 }
 """Factors of weights, relative to the balanced blend [-]."""
 LEG = 8.0
-"""Directions of thigh and shin [-]: limbs to 4.02 and 3.49° with half and double in 2 s of a dance on the G1 (3.69°),
-jerk to 228 and 264 rad/s³ (245)."""
-ARM = 2.0
-"""Directions of upper arm and forearm [-], measured likewise: 4.49 and 2.97°, 242 and 250 rad/s³."""
+"""Directions of thigh and shin [-] (3.33, 3.19; 139, 147)."""
+ARM = 3.0
+"""Directions of upper arm and forearm [-] (3.56, 2.98; 142, 144): more of it takes hands off their distances, `near` gives it back."""
 NECK = 0.24
-"""Directions of neck and head [-], measured likewise: 3.64 and 3.78°."""
+"""Directions of neck and head [-] (3.24, 3.27; 143, 142)."""
 RAMP = 0.1
 """Touches and footholds gain and lose their priority within this time [s]: half and double change the jerk of the box
 sample as a stream by less than 0.5 %."""
@@ -33,21 +32,21 @@ REFERENCE_FPS = 30.0
 class Weights:
     """π of every kind, checked; one set for all clips and robots. Errors are dimensionless: over a path, a leg, or of unit vectors.
 
-    In brackets: the mean angle [°] of the limbs to the human's in a clap and a kick on the G1 with half and with double of a
-    weight; with these weights, a `smooth_turn` of 180 and the passes that solved clips before 0.3.0 it is 4.61°. After a semicolon: the same
-    in 2 s of a dance on the G1, 3.69°, and the jerk of the joints, 245 rad/s³.
+    In brackets, with 1/1.5 and with 1.5 of a weight: the mean angle of the limbs to the human's [°] and, after a semicolon, the jerk of
+    the joints [rad/s³], at the minima of ten clips on the G1. They are 3.25 and 143 with an `ARM` of 2, `near` of 60, `shoulders`
+    of 3 and `jerk` of 24, around which all were measured; the four are chosen on 31 clips on the G1 and the OP3 together.
     """
 
-    near: float = 60.0
-    """Distances between nearby keypoints, over the path between them (4.46, 4.92) ..."""
+    near: float = 75.0
+    """Distances between nearby keypoints, over the path between them (3.17, 3.36; 142, 143) ..."""
     far: float = 17.0
-    """... and between distant ones; the sum over a frame, over the number of keypoints (4.32, 5.20)."""
+    """... and between distant ones; the sum over a frame, over the number of keypoints (3.07, 3.50; 142, 144)."""
     reach: float = NEAR
     """Two keypoints at this share of the path between them are half near [-]."""
     huber_delta: float = 0.028
-    """Errors of distances well above this count linearly, those below it by their square [-] (4.18, 5.09)."""
+    """Errors of distances well above this count linearly, those below it by their square [-] (3.02, 3.46; 141, 144)."""
     touch: float = 2000.0
-    """A hand and the part it touches, in addition to their distance (4.50, 4.69)."""
+    """A hand and the part it touches, in addition to their distance (3.25, 3.26; 142, 143)."""
     bones: dict[str, float] = field(
         default_factory=lambda: {
             "knee": LEG,
@@ -62,31 +61,31 @@ class Weights:
     )
     """Directions of the bones that end in a keypoint; clavicles and hip bones only mirror how a body is built."""
     hips: float = 20.0
-    """Direction of the hip line, which is the heading of the body (4.57, 4.66)."""
-    shoulders: float = 3.0
-    """Direction of the shoulder line (4.62, 4.61; the largest twist is 6.6 and 3.2°)."""
+    """Direction of the hip line, which is the heading of the body (3.25, 3.25; 142, 143)."""
+    shoulders: float = 4.5
+    """Direction of the shoulder line (3.25, 3.27; 142, 143; the largest twist of the shoulders is 5.4 and 4.5°)."""
     orientation: float = 0.3
-    """Forward and up of pelvis, chest, head and hands (4.53, 4.67) ..."""
+    """Forward and up of pelvis, chest, head and hands (3.24, 3.27; 142, 143) ..."""
     foot: float = 0.1
-    """... and of feet (4.61, 4.62)."""
+    """... and of feet."""
     path: float = 4.0
-    """The pelvis on its path, over the leg (4.61, 4.61)."""
+    """The pelvis on its path, over the leg (3.26, 3.25; 142, 143)."""
     rest: float = 0.0004
-    """Joints as the robot stands [1/rad²] (; 3.69, 3.69; 245, 245) ..."""
+    """Joints as the robot stands [1/rad²] ..."""
     wrist: float = 0.1
     """... and wrists, if no marker shows the rotation of a hand [1/rad²] (in 2 s of a clap by positions 4.00 and
     4.00)."""
     swing: float = path
     """A swing foot at its reference, as the pelvis on its path."""
     smooth: float = 5.0
-    """Squared second differences of the joints at `REFERENCE_FPS` [1/rad²] (; 3.65, 3.76; 250, 239) ..."""
-    jerk: float = 24.0
-    """... and third ones (; 3.63, 3.78; 285, 207)."""
+    """Squared second differences of the joints at `REFERENCE_FPS` [1/rad²] (3.24, 3.27; 145, 139) ..."""
+    jerk: float = 26.0
+    """... and third ones (3.24, 3.27; 153, 132)."""
     smooth_root: float = 120.0
-    """Factor for the place of the root, in both: legs absorb what would accelerate the whole body [rad²/m²] (; 3.69, 3.69; 193,
-    201; three runs on the G1 have a jerk of the root of 91 m/s³, 116 and 74 with half and double) ..."""
+    """Factor for the place of the root, in both: legs absorb what would accelerate the whole body [rad²/m²]. The root of three runs on
+    the G1 has a jerk of 91 m/s³, with half and double 116 and 74 ..."""
     smooth_turn: float = 45.0
-    """... and for its rotation, in second ones [-]: double adds .05° to the limb errors of fifteen clips on the G1 and the OP3."""
+    """... and for its rotation, in second ones [-] (3.24, 3.26; 142, 143)."""
     inertia: float = 0.5
     """Inertia of hinges in streams, as a share of that of `RealTime.frequency` [-] (in streams of the two 10.0 and 11.0, and
     12.5 with this one; jerk 1650, 1280 and 1320 rad/s³) ..."""

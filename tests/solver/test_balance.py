@@ -563,7 +563,7 @@ def test_balance_bends_the_knees_of_a_standing_human_no_further_than_the_human_d
 
 
 def test_hands_that_clap_meet_by_their_surfaces_and_count_as_touching() -> None:
-    clap = rr.retarget(rr.read_motion(SAMPLES / "clap.bvh").resample(30).frames(42, 58), rr.load_robot("op3"))
+    clap = rr.retarget(rr.read_motion(SAMPLES / "clap.bvh").resample(30).frames(30, 70), rr.load_robot("op3"))
     model, data, gaps = clap.robot.model, mujoco.MjData(clap.robot.model), []
     hands = [np.flatnonzero(model.geom_bodyid == model.body(f"{side}_el_link").id).tolist() for side in "lr"]
     for data.qpos[:] in clap.trajectory.qpos:

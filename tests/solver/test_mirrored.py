@@ -80,7 +80,7 @@ def test_so_it_does_on_other_robots_but_for_meshes_that_differ_from_side_to_side
 
 
 def test_the_best_clap_of_a_clap_that_mirrors_itself_does_not_mirror_itself(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two hands that cannot fill the same place pass each other on either side: the symmetric clap costs more."""
+    """Two hands that cannot fill the same place pass each other on either side: in the symmetric clap they stay apart."""
     robot = load_robot("op3")
     graph = describe(one_clap(), robot)
     free = solve(graph, balance="off").solution
@@ -98,7 +98,8 @@ def test_the_best_clap_of_a_clap_that_mirrors_itself_does_not_mirror_itself(monk
     tied = solve(graph, balance="off").solution
     hinges = tied.trajectory.qpos[:, robot.qpos_index]
     assert np.abs(mirror_of(robot, LEFT).angles(hinges) - hinges).max() < 1e-6
-    assert tied.cost.sum() > 1.05 * free.cost.sum()
+    assert tied.cost.sum() > free.cost.sum()
+    assert tied.stress["touch"].sum() > 1.3 * free.stress["touch"].sum()
 
 
 def tangent_reflection(robot: Robot) -> np.ndarray:
