@@ -143,7 +143,7 @@ class FrameSolver:
     ) -> FrameSolution:
         """Take a number of steps and accept each: the real-time iteration of [Diehl2005], from a start that is a good prediction.
 
-        No step follows one that turns every hinge by less than `UNSEEN`.
+        No step follows one that turns every hinge by less than `UNSEEN`, unless links touch there: their rows turn at once.
         """
         q, taken, status, model = start, 0, Status.OUT_OF_ITERATIONS, None
         radius, damping = self.options.trust_region, self.options.damping
@@ -155,7 +155,8 @@ class FrameSolver:
                 status = Status.BLOCKED
                 continue
             q, taken = integrate(self.robot, q, found[:-1]), taken + 1
-            if np.abs(found[self._dofs]).max(initial=0.0) < UNSEEN:
+            touch = (model.rows[:, -1] > 0) & (model.rows @ found < model.row_lower + self.options.floor_tolerance)
+            if np.abs(found[self._dofs]).max(initial=0.0) < UNSEEN and not touch.any():
                 status = Status.CONVERGED
         assert model is not None
         return self.closed(FrameSolution(q, status, model.cost, taken, model.clearance_deficit))
