@@ -245,6 +245,16 @@ def test_stands_have_their_soles_on_their_places_and_their_mass_over_its_spot(ik
         assert (angles >= robot.lower - 1e-9).all() and (angles <= robot.upper + 1e-9).all()
 
 
+def test_a_stand_with_toes_turned_62_degrees_apart_has_its_soles_on_their_places(ik: BalancedIk) -> None:
+    places = stand_places(ik)
+    for sole, turn in zip(places, (31.0, -31.0), strict=True):
+        middle, spin = sole.mean(axis=0), Rotation.from_euler("z", turn, degrees=True)
+        sole[:] = spin.apply(sole - middle) + middle
+    missing = gaps(stand_places(ik)[None])[0] - gaps(places[None])[0]
+    places[..., 1] += missing / 2 * np.array([[1.0], [-1.0]])
+    assert np.abs(ik.corners(balanced_stand(ik, places)[None])[0] - places).max() < 5e-4
+
+
 def soles(lift: float, travel: float = 0.0, frames: int = 60) -> np.ndarray:
     """Two square soles; the left one rises by `lift` in the middle third and comes down `travel` further on."""
     corners = np.zeros((frames, 2, 4, 3))

@@ -289,4 +289,4 @@ def _stepping(ik: BalancedIk, draft: Floats, share: float = 1.0) -> PlaybackClip
     posed = np.array(draft)
     posed[:, root] += gaussian_filter1d((placed - corners).mean(axis=(1, 2))[:, :2], SWAY * fps, axis=0, mode="nearest")
     stride = total_step_length(kept, placed) / max(total_step_length(kept, corners), 1e-9)
-    return PlaybackClip(with_margin(graph, ik.options.arms * ik.leg, ik.limbs), posed, placed, kept, fps, stride)
+    return PlaybackClip(with_margin(graph, ik.options.arms * ik.leg, ik.limbs[:2]), posed, placed, kept, fps, stride)
