@@ -73,7 +73,7 @@ def test_a_touch_up_keeps_ranges_and_speeds_and_comes_without_a_jerk(solved: tup
 def test_a_session_gives_the_bytes_of_the_command_line(solved: tuple[RobotGraph, Trajectory], tmp_path: Path) -> None:
     session = Session(*solved, tmp_path / "EDITS.toml", tmp_path / "EDITS.npz")
     session.make(HANDS.values)
-    session.make({"a": "r_hand", "b": [0.15, -0.1, 0.3], "at": 0, "frames": [60, 66], "hard": True})
+    session.make({"a": "r_hand", "b": [0.13, -0.1, 0.3], "at": 0, "frames": [60, 66], "hard": True})
     session.make({"a": "l_hand", "b": "head", "at": [0.3, math.inf], "frames": [50, 60]})
     edits, mended_file = session.save()
     solved[1].save(tmp_path / "wave.npz")
