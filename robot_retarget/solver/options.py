@@ -188,10 +188,10 @@ class Smoothing:
     """Numbers of steps after which the footholds move to the path. After one or two they are still far from where the legs
     put the feet. After the last, feet that miss their footholds are free: with 2 for 5, a kick of the OP3 costs 4 % more with 12
     held corners fewer; at the minimum, its unreachable feet keep it from other basins (8 % more)."""
-    gain: float = 1e-4
-    """The steps end where the next one would gain less than this share of the cost of a median frame, per frame [-]. Six clips each on
-    the G1 and the OP3 take 37 and 61 factorisations a frame with 3e-5, 33 and 51 with this, and cost 0.07 % more at most. A hand
-    of the OP3 that an edge moves in frames 30 to 50 changes the other arm 16 frames away by 0.046 and 0.056 rad."""
+    gain: float = 3e-5
+    """The steps end where the next one would gain less than this share of the cost of a median frame, per frame [-]. A hand of the
+    OP3 that an edge moves in frames 30 to 50 changes the other arm 16 frames away by 0.069 rad with 1e-4, by 0.015 with 3e-5 and by
+    0.014 with 1e-5; the wave takes 27, 38 and 46 factorisations a frame."""
     tries: int = 3
     """Number of times that a step that would raise the cost is shortened [-]: with 1, four claps on the OP3 cost 0.1 % more, with 6 the
     same."""

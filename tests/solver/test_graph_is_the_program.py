@@ -68,8 +68,11 @@ def test_without_separation_and_floor_there_are_no_such_rows() -> None:
 def test_balance_shows_the_margins_and_knees_that_it_uses() -> None:
     planted, options = BalancedIk(graph()).graph, BalanceOptions()
     margins = planted.kinds["separation"].lower[0] / planted.match.robot_leg
-    between = [b != "floor" for _, b in planted.kinds["separation"].ends]
-    assert set(np.round(margins[between], 6)) == {options.margin}
+    ends, legs = planted.kinds["separation"].ends, ("hip", "knee", "ank")
+    between = np.array([b != "floor" for _, b in ends])
+    two = np.array([all(any(part in end for part in legs) for end in pair) for pair in ends])
+    assert set(np.round(margins[between & two], 6)) == {options.legs}
+    assert set(np.round(margins[between & ~two], 6)) == {options.margin}
     knee = [name for name, _ in planted.kinds["range"].ends].index("l_knee")
     bounds = planted.kinds["range"].lower[0, knee], planted.kinds["range"].upper[0, knee]
     assert min(abs(bound) for bound in bounds) == pytest.approx(options.bent)

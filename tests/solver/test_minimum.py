@@ -187,7 +187,7 @@ def test_no_line_search_along_a_random_direction_lowers_the_cost(solved: tuple[r
 
 
 @pytest.mark.parametrize(
-    ("clip", "most"), [("walk", (20, 17, 30, 6)), ("wave", (20, 14, 36, 5)), ("clap", (39, 20, 80, 8))]
+    ("clip", "most"), [("walk", (22, 17, 40, 6)), ("wave", (24, 14, 43, 5)), ("clap", (44, 21, 90, 8))]
 )
 def test_the_work_of_a_sample_does_not_grow(clip: str, most: tuple[int, ...]) -> None:
     """Counts per frame, which depend on no clock: a tenth above those of the day on which they were recorded."""
