@@ -16,9 +16,9 @@ PRESETS: dict[Preset, dict[str, float]] = {
 }
 """Factors of weights, relative to the balanced blend [-]."""
 LEG = 8.0
-"""Directions of thigh and shin [-] (3.33, 3.19; 139, 147)."""
+"""Directions of thigh and shin [-] (3.33, 3.19; 139, 147): figures in brackets as in `Weights`."""
 ARM = 3.0
-"""Directions of upper arm and forearm [-] (3.56, 2.98; 142, 144): more of it takes hands off their distances, `near` gives it back."""
+"""Directions of upper arm and forearm [-] (3.56, 2.98; 142, 144). With a larger weight hands miss their distances by more."""
 NECK = 0.24
 """Directions of neck and head [-] (3.24, 3.27; 143, 142)."""
 RAMP = 0.1

@@ -143,7 +143,8 @@ class FrameSolver:
     ) -> FrameSolution:
         """Take a number of steps and accept each: the real-time iteration of [Diehl2005], from a start that is a good prediction.
 
-        No step follows one that turns every hinge by less than `UNSEEN`, unless links touch there: their rows turn at once.
+        No step follows one that turns every hinge by less than `UNSEEN`, unless links or bodies touch at its end: the slopes
+        of their rows change at once.
         """
         q, taken, status, model = start, 0, Status.OUT_OF_ITERATIONS, None
         radius, damping = self.options.trust_region, self.options.damping

@@ -9,7 +9,7 @@ from collections import Counter
 from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parents[2] / "robot_retarget"
-MOST = 39_169
+MOST = 39_168
 """Lines of the package; a change that needs more removes others, and one that needs fewer lowers this number."""
 LAYOUT = (tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT)
 

@@ -212,7 +212,8 @@ class SmoothnessKind(Kind):
 def _bounce(height: Floats, fps: float, flies: Bools, order: int) -> Floats:
     """Return the differences (T − order,) of heights (T,) [m], whose second differences are smoothed in and between flights.
 
-    Each part keeps its sum, the change of the speed: free fall stays what it is, and the ground gives back what it takes.
+    The smoothing keeps the sum of each part, which is its change of speed. A flight stays a free fall, and a stance regains the speed
+    that the flight lost.
     """
     bend, flies = np.diff(height, 2), flies[1:-1]
     for start, stop in (*intervals(flies), *intervals(~flies)):
@@ -221,7 +222,7 @@ def _bounce(height: Floats, fps: float, flies: Bools, order: int) -> Floats:
 
 
 class JerkKind(SmoothnessKind):
-    """Third difference q_{t+2} − 3 q_{t+1} + 3 q_t − q_{t−1} of every tangent direction [rad or m], with the targets of such.
+    """Third difference q_{t+2} − 3 q_{t+1} + 3 q_t − q_{t−1} of every tangent direction [rad or m].
 
     It keeps the accelerations of a fast limb and of a bounce, and stops what alternates from frame to frame.
     """
